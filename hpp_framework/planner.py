@@ -1,0 +1,98 @@
+"""Meta-planners: choose a goal for one agent from that agent's observation alone.
+
+The loop that calls one (every ``plan_every`` control steps, for all episodes at once)::
+
+    planner = hub().planners.create("hpp", context)
+    goal, belief = planner.plan(observation, belief, rng)
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.task import Task
+from hpp_framework.team import Team
+from hpp_framework.types import Observation, Trajectories
+
+
+@dataclass(frozen=True)
+class Imagination:
+    """What a planner weighed, for pictures and inspection.
+
+    Attributes:
+        goals: candidates of the last iteration, world coordinates.
+        scores: their rewards; higher is better.
+        trajectories: the imagined motion for them.
+    """
+
+    goals: Float[Tensor, "b g 2"]
+    scores: Float[Tensor, "b g"]
+    trajectories: Trajectories
+
+
+@dataclass(frozen=True)
+class Belief:
+    """An agent's belief over goals between two plans.
+
+    Attributes:
+        goal: the goal chosen last, world coordinates.
+        mean: of the Gaussian over goals, metres.
+        std: of the Gaussian over goals, metres, an axis each.
+        imagination: what the goal was chosen from, if the planner imagines.
+    """
+
+    goal: Float[Tensor, "b 2"]
+    mean: Float[Tensor, "b 2"]
+    std: Float[Tensor, "b 2"]
+    imagination: Imagination | None = None
+
+
+class MetaPlanner(ABC):
+    """Chooses goals for one agent.
+
+    Attributes:
+        plan_every: control steps between plans (the paper's T_h).
+        centralised: whether all agents share one source of randomness, as only a centralised planner could.
+    """
+
+    plan_every: int = 10
+    centralised: bool = False
+
+    @abstractmethod
+    def plan(
+        self, observation: Observation, belief: Belief | None, rng: torch.Generator
+    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+        """Return a goal in world coordinates and the updated belief.
+
+        Args:
+            observation: of the planning agent; nothing else may be read.
+            belief: what the last call returned, None at the start of an episode.
+            rng: the agent's own source of randomness.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannerContext:
+    """What a planner factory is told.
+
+    Attributes:
+        team: everybody, with robots and skills.
+        agent: index of the agent that plans.
+        task: the shared objective.
+        preset: ``"paper"`` or ``"best"``; planners without presets ignore it.
+        bounds: (x_min, y_min, x_max, y_max) of the world, metres.
+        weights: extra folders searched for predictor weights.
+    """
+
+    team: Team
+    agent: int
+    task: Task
+    preset: str = "best"
+    bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0)
+    weights: tuple[Path, ...] = ()

@@ -1,0 +1,121 @@
+"""From a simulator's state to what each agent knows: noise, drop-outs and histories.
+
+Noise lives here, once, so that both simulators are noisy in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.robot import RobotSpec
+from hpp_framework.types import Observation, State
+
+HISTORY = 5
+"""Entries of history that every observation holds (paper, appendix C.3: H = 5)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseModel:
+    """Disturbances of what agents observe; all off by default.
+
+    Attributes:
+        position_std: of everybody's observed x and y, in metres.
+        heading_std: of everybody's observed heading, in radians.
+        scan_std: of every range in metres, or None for the lidar's own ``noise_std``.
+        dropout: share of beams that miss and read the maximum range.
+    """
+
+    position_std: float = 0.0
+    heading_std: float = 0.0
+    scan_std: float | None = 0.0
+    dropout: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("position_std", "heading_std", "scan_std", "dropout"):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value < float("inf"):
+                raise ConfigError(f"noise: {name} must be 0 or more, got {value}.")
+        if self.dropout > 1:
+            raise ConfigError(f"noise: dropout is a share between 0 and 1, got {self.dropout}.")
+
+
+class Sensing:
+    """Keeps histories and hands each agent its observation.
+
+    Each agent sees its own draw of the pose noise: nothing is shared between agents.
+
+    Args:
+        robots: the team.
+        noise: disturbances.
+        rng: source of the noise.
+    """
+
+    def __init__(self, robots: Sequence[RobotSpec], noise: NoiseModel, rng: torch.Generator) -> None:
+        self.robots = tuple(robots)
+        self.noise = noise
+        self.rng = rng
+        self._poses: Tensor = torch.empty(0)
+        self._scans: list[Tensor] = []
+        self._velocities: Tensor = torch.empty(0)
+
+    def reset(self, state: State) -> None:
+        """Begin histories that repeat the first measurement."""
+        poses, scans = self._measure(state)
+        self._poses = poses[:, None].repeat(1, HISTORY, 1, 1, 1)
+        self._scans = [scan[:, None].repeat(1, HISTORY, 1) for scan in scans]
+        self._velocities = state.velocities
+
+    def update(self, state: State) -> None:
+        """Append a measurement of everybody."""
+        poses, scans = self._measure(state)
+        self._poses = torch.cat([self._poses[:, 1:], poses[:, None]], 1)
+        self._scans = [torch.cat([old[:, 1:], new[:, None]], 1) for old, new in zip(self._scans, scans, strict=True)]
+        self._velocities = state.velocities
+
+    def restart(self, state: State, robots: Bool[Tensor, "b n"]) -> None:
+        """Begin the histories of the chosen robots anew, as observers and as observed; others only re-measure."""
+        poses, scans = self._measure(state)
+        self._poses[:, -1] = poses
+        touched = robots[:, :, None] | robots[:, None, :]
+        self._poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._poses)
+        for i, scan in enumerate(scans):
+            self._scans[i][:, -1] = scan
+            self._scans[i] = torch.where(robots[:, None, i, None], scan[:, None], self._scans[i])
+        self._velocities = state.velocities
+
+    def observe(self, agent: int) -> Observation:
+        """Return what one agent knows."""
+        return Observation(
+            agent=agent,
+            poses=self._poses[:, :, agent],
+            scans=self._scans[agent],
+            velocity=self._velocities[:, agent],
+        )
+
+    def _measure(self, state: State) -> tuple[Tensor, list[Tensor]]:
+        """Return poses (b, observers, n, 3) and a scan (b, k) a robot."""
+        count = len(self.robots)
+        poses = state.poses[:, None].repeat(1, count, 1, 1)
+        if self.noise.position_std or self.noise.heading_std:
+            std = poses.new_tensor([self.noise.position_std, self.noise.position_std, self.noise.heading_std])
+            poses = poses + self._normal(poses) * std
+        return poses, [self._scan(state.scans[:, i, : r.lidar.beams], r) for i, r in enumerate(self.robots)]
+
+    def _scan(self, scan: Tensor, robot: RobotSpec) -> Tensor:
+        std = robot.lidar.noise_std if self.noise.scan_std is None else self.noise.scan_std
+        if std:
+            hit = scan < robot.lidar.max_range
+            scan = torch.where(hit, scan + std * self._normal(scan), scan)
+        if self.noise.dropout:
+            lost = torch.rand(scan.shape, generator=self.rng).to(scan) < self.noise.dropout
+            scan = scan.masked_fill(lost, robot.lidar.max_range)
+        return scan.clamp(robot.lidar.min_range, robot.lidar.max_range)
+
+    def _normal(self, like: Tensor) -> Tensor:
+        return torch.randn(like.shape, generator=self.rng).to(like)

@@ -1,0 +1,91 @@
+"""The interface of both simulators.
+
+The loop that drives one::
+
+    with make_simulator("batch", robots) as simulator:
+        state = simulator.reset(worlds, poses)
+        while not finished:
+            state = simulator.step(commands)
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.errors import SimulatorError
+from hpp_framework.robot import RobotSpec
+from hpp_framework.types import State
+from hpp_framework.worlds.world import World
+
+CONTROL_PERIOD = 0.2
+"""Seconds between commands (paper, appendix C.1: 100 steps are 20 s)."""
+
+
+class Simulator(ABC):
+    """Steps teams in worlds and casts their lidars.
+
+    Args:
+        robots: the team, the same in every episode.
+    """
+
+    def __init__(self, robots: Sequence[RobotSpec]) -> None:
+        if not robots:
+            raise SimulatorError("a simulator needs at least one robot.")
+        self.robots = tuple(robots)
+        self.beams = max(robot.lidar.beams for robot in robots)
+
+    @abstractmethod
+    def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
+        """Start one episode a world, robots at rest at the given poses."""
+
+    @abstractmethod
+    def step(self, commands: Float[Tensor, "b n 2"]) -> State:
+        """Drive for one control period (0.2 s).
+
+        Args:
+            commands: wanted forward speed (m/s) and turn rate (rad/s); limits are applied.
+
+        Raises:
+            SimulatorError: if a command is not finite or has the wrong shape.
+        """
+
+    def close(self) -> None:
+        """Free what the simulator holds; safe to call twice."""
+        return
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def check_poses(self, worlds: Sequence[World], poses: Tensor) -> None:
+        """Raise :class:`SimulatorError` unless poses are finite and shaped (worlds, robots, 3)."""
+        expected = (len(worlds), len(self.robots), 3)
+        if tuple(poses.shape) != expected:
+            raise SimulatorError(f"poses must have shape {expected} (worlds, robots, 3), got {tuple(poses.shape)}.")
+        if not bool(torch.isfinite(poses).all()):
+            raise SimulatorError("poses must be finite; found NaN or infinity.")
+
+    def check_commands(self, commands: Tensor, episodes: int) -> None:
+        """Raise :class:`SimulatorError` unless commands are finite and shaped (episodes, robots, 2)."""
+        expected = (episodes, len(self.robots), 2)
+        if tuple(commands.shape) != expected:
+            raise SimulatorError(
+                f"commands must have shape {expected} (episodes, robots, [v, omega]), got {tuple(commands.shape)}."
+            )
+        if not bool(torch.isfinite(commands).all()):
+            bad = torch.nonzero(~torch.isfinite(commands))[0].tolist()
+            raise SimulatorError(
+                f"command of episode {bad[0]}, robot {bad[1]} is not finite: "
+                f"{commands[bad[0], bad[1]].tolist()}. Commands are [v in m/s, omega in rad/s]."
+            )

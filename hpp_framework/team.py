@@ -1,0 +1,87 @@
+"""A team: a mapping from user-chosen ids to robots and their skills. It is not a robot."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.registry import hub
+from hpp_framework.robot import RobotSpec
+from hpp_framework.skill import Skill
+
+
+@dataclass(frozen=True, kw_only=True)
+class Member:
+    """One robot of a team.
+
+    Attributes:
+        id: unique name in the team.
+        robot: its data.
+        skill: registered name of its skill.
+    """
+
+    id: str
+    robot: RobotSpec
+    skill: str
+
+
+@dataclass(frozen=True)
+class Team:
+    """Everybody, in a fixed order."""
+
+    members: tuple[Member, ...]
+
+    def __post_init__(self) -> None:
+        if not self.members:
+            raise ConfigError("a team needs at least one robot, e.g. 'fetch,freight'.")
+        twice = [name for name, count in Counter(m.id for m in self.members).items() if count > 1]
+        if twice:
+            raise ConfigError(f"robot id '{twice[0]}' is used twice; every robot of a team needs its own id.")
+
+    @property
+    def robots(self) -> tuple[RobotSpec, ...]:
+        """Robot data in team order."""
+        return tuple(member.robot for member in self.members)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Robot ids in team order."""
+        return tuple(member.id for member in self.members)
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def skills(self) -> list[Skill]:
+        """Build everybody's skill."""
+        return [hub().skills.create(member.skill, member.robot) for member in self.members]
+
+
+def parse_team(text: str, *, skill: str = "p2p") -> Team:
+    """Read a team from ``"fetch,freight"`` or ``"alice=fetch,bob=freight"``.
+
+    Robots without an id are called after their model, numbered when a model occurs more than once.
+
+    Args:
+        text: comma-separated robots, each optionally ``id=robot``.
+        skill: registered skill of every robot.
+
+    Raises:
+        ConfigError: if the team is empty, an item is empty, or an id is used twice.
+        UnknownNameError: if a robot or the skill is not registered.
+    """
+    items = [item.strip() for item in text.split(",")]
+    if not text.strip() or not all(items):
+        raise ConfigError(f"team '{text}' has an empty entry; write robots separated by commas, e.g. 'fetch,freight'.")
+    hub().skills.entry(skill)
+    pairs = [tuple(part.strip() for part in item.split("=", 1)) if "=" in item else ("", item) for item in items]
+    if any("=" in item and not all(pair) for item, pair in zip(items, pairs, strict=True)):
+        raise ConfigError(f"team '{text}': write 'id=robot', e.g. 'alice=fetch'.")
+    models = Counter(model for given, model in pairs if not given)
+    seen: Counter[str] = Counter()
+    members: list[Member] = []
+    for given, model in pairs:
+        seen[model] += not given
+        automatic = f"{model}-{seen[model]}" if models[model] > 1 else model
+        members.append(Member(id=given or automatic, robot=hub().robots.create(model), skill=skill))
+    return Team(tuple(members))

@@ -1,0 +1,205 @@
+"""Proximal policy optimisation (Schulman et al. 2017) of a skill, by Stable-Baselines3 over the batch simulator."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from gymnasium import spaces
+from rich.progress import Progress
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.vec_env import VecEnv
+from torch import nn
+
+from hpp_framework.envs.point_to_point import PointToPointVectorEnv
+
+WINDOW = 2000
+
+
+@dataclass(frozen=True, kw_only=True)
+class PpoConfig:
+    """Hyper-parameters; names as in Stable-Baselines3."""
+
+    n_steps: int = 32
+    batch_size: int = 4096
+    n_epochs: int = 4
+    learning_rate: float = 4e-4
+    final_learning_rate: float = 5e-5
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    ent_coef: float = 0.0
+    log_std_init: float = -0.3
+    hidden: tuple[int, ...] = (128,)
+
+
+class Sb3Adapter(VecEnv):
+    """Shows a :class:`PointToPointVectorEnv` to Stable-Baselines3, actions scaled to [-1, 1]."""
+
+    def __init__(self, env: PointToPointVectorEnv, seed: int) -> None:
+        self.env = env
+        space = env.single_action_space
+        assert isinstance(space, spaces.Box)
+        self._middle, self._half = (space.high + space.low) / 2, (space.high - space.low) / 2
+        self._start_seed: int | None = seed
+        self._actions: npt.NDArray[np.float32] = np.zeros(0, np.float32)
+        self.recent: deque[bool] = deque(maxlen=WINDOW)
+        self.touch_share: deque[float] = deque(maxlen=500)
+        super().__init__(
+            env.num_envs, env.single_observation_space, spaces.Box(-1, 1, space.shape, np.float32)
+        )
+
+    def reset(self) -> Any:
+        observation, _ = self.env.reset(seed=self._start_seed)
+        self._start_seed = None
+        return observation
+
+    def step_async(self, actions: npt.NDArray[np.float32]) -> None:
+        self._actions = self._middle + self._half * np.clip(actions, -1, 1)
+
+    def step_wait(self) -> Any:
+        observation, reward, success, truncated, info = self.env.step(self._actions)
+        done = success | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for index in np.nonzero(done)[0]:
+            final = {key: value[index] for key, value in info["final_obs"].items()}
+            infos[index] = {"terminal_observation": final, "TimeLimit.truncated": bool(truncated[index])}
+            # robots cut short by their neighbour's end say nothing about success
+            if success[index] or info["final_info"]["steps"][index] >= self.env.problem.max_steps:
+                self.recent.append(bool(success[index]))
+        self.touch_share.append(float(info["touched"].mean()))
+        return observation, reward.astype(np.float32), done, infos
+
+    def close(self) -> None:
+        return
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [getattr(self.env, attr_name, None)] * self.num_envs
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        raise AttributeError(f"'{attr_name}' cannot be set on a batch of robots.")
+
+    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+        raise AttributeError(f"'{method_name}' cannot be called on one robot of a batch.")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        return [False] * self.num_envs
+
+
+class _Extractor(BaseFeaturesExtractor):
+    """Puts a skill's own encoder where Stable-Baselines3 wants a features extractor."""
+
+    def __init__(self, observation_space: spaces.Space[Any], encoder: Callable[[], nn.Module], width: int) -> None:
+        super().__init__(observation_space, width)
+        self.encoder = encoder()
+
+    def forward(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
+        return self.encoder(observations["scan"], observations["goal"], observations["velocity"])
+
+
+class _Progress(BaseCallback):
+    """Progress bar, learning curve on disk, resumable snapshots, clean interruption."""
+
+    def __init__(self, out: Path, total: int, progress: Progress) -> None:
+        super().__init__()
+        self.out, self.total, self.progress = out, total, progress
+        self.interrupted = False
+        self._task = progress.add_task("training", total=total)
+
+    def _on_step(self) -> bool:
+        return not self.interrupted
+
+    def _on_rollout_end(self) -> None:
+        assert isinstance(self.training_env, Sb3Adapter)
+        recent = self.training_env.recent
+        success = float(np.mean(recent)) if recent else 0.0
+        row = {
+            "steps": self.num_timesteps,
+            "success": success,
+            "touch_share": float(np.mean(self.training_env.touch_share)),
+        }
+        with (self.out / "curve.jsonl").open("a") as stream:
+            stream.write(json.dumps(row) + "\n")
+        self.progress.update(
+            self._task, completed=self.num_timesteps, description=f"training, success {success:.3f}"
+        )
+        if (self.num_timesteps // self.model.n_steps // self.training_env.num_envs) % 20 == 0:  # type: ignore[attr-defined]  # PPO has n_steps
+            self.model.save(self.out / "resume.zip")
+
+
+def train_ppo(
+    env: PointToPointVectorEnv,
+    encoder: Callable[[], nn.Module],
+    width: int,
+    *,
+    out: Path,
+    steps: int,
+    seed: int,
+    config: PpoConfig | None = None,
+    initial: Callable[[PPO], None] | None = None,
+) -> PPO:
+    """Train, showing progress; resumes from ``out/resume.zip`` if it is there.
+
+    Args:
+        env: robots to train on.
+        encoder: builds the module that maps (scan, goal, velocity) to features of ``width``.
+        width: number of features.
+        out: folder for the learning curve and snapshots.
+        steps: control steps in all.
+        seed: of network, worlds and noise.
+        config: hyper-parameters.
+        initial: called with the fresh model to load weights to start from.
+    """
+    config = config or PpoConfig()
+    out.mkdir(parents=True, exist_ok=True)
+    adapter = Sb3Adapter(env, seed)
+
+    def schedule(left: float) -> float:
+        return config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * left
+
+    snapshot = out / "resume.zip"
+    if snapshot.exists():
+        model = PPO.load(snapshot, env=adapter, device="cpu")
+    else:
+        model = PPO(
+            "MultiInputPolicy", adapter, seed=seed, device="cpu",
+            n_steps=config.n_steps, batch_size=config.batch_size, n_epochs=config.n_epochs,
+            learning_rate=schedule, gamma=config.gamma, gae_lambda=config.gae_lambda, ent_coef=config.ent_coef,
+            policy_kwargs={
+                "features_extractor_class": _Extractor,
+                "features_extractor_kwargs": {"encoder": encoder, "width": width},
+                "net_arch": {"pi": list(config.hidden), "vf": list(config.hidden)},
+                "activation_fn": nn.ReLU,
+                "log_std_init": config.log_std_init,
+            },
+        )  # fmt: skip
+        if initial:
+            initial(model)
+    left = steps - model.num_timesteps
+    with Progress() as progress:
+        callback = _Progress(out, steps, progress)
+        previous = signal.signal(signal.SIGINT, lambda *_: setattr(callback, "interrupted", True))
+        try:
+            if left > 0:
+                model.learn(left, callback=callback, reset_num_timesteps=False)
+        finally:
+            signal.signal(signal.SIGINT, previous)
+    if callback.interrupted:
+        model.save(snapshot)
+        raise KeyboardInterrupt
+    return model
+
+
+def actor_modules(model: PPO) -> tuple[nn.Module, Sequence[nn.Module], nn.Module]:
+    """Return (encoder, hidden layers of the actor, action layer) of a trained model."""
+    policy = model.policy
+    return policy.features_extractor.encoder, list(policy.mlp_extractor.policy_net), policy.action_net  # type: ignore[return-value]  # untyped

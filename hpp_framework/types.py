@@ -1,0 +1,76 @@
+"""Data that travels between the rooms: states, observations, trajectories.
+
+Everything is a torch tensor with a leading batch dimension ``b`` (episodes). The letters in shapes:
+``b`` episodes, ``n`` robots, ``k`` lidar beams, ``h`` history entries (oldest first), ``g`` goal candidates,
+``t`` predicted times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class State:
+    """What a simulator knows after a step; noise-free.
+
+    Attributes:
+        poses: x, y in metres and heading in radians, world frame.
+        velocities: forward speed in m/s and turn rate in rad/s.
+        scans: lidar ranges in metres, beam 0 at the most clockwise angle; a robot with fewer beams than the
+            widest lidar of the team is padded with its maximum range.
+        collided: whether the robot touched anything during the last control step.
+    """
+
+    poses: Float[Tensor, "b n 3"]
+    velocities: Float[Tensor, "b n 2"]
+    scans: Float[Tensor, "b n k"]
+    collided: Bool[Tensor, "b n"]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What one agent knows: everybody's noisy poses, its own lidar, its own odometry.
+
+    Attributes:
+        agent: index of the observing robot in the team.
+        poses: noisy poses of all robots in the world frame, oldest first.
+        scans: own lidar, oldest first.
+        velocity: own forward speed (m/s) and turn rate (rad/s).
+    """
+
+    agent: int
+    poses: Float[Tensor, "b h n 3"]
+    scans: Float[Tensor, "b h k"]
+    velocity: Float[Tensor, "b 2"]
+
+    @property
+    def pose(self) -> Float[Tensor, "b 3"]:
+        """The agent's own newest pose."""
+        return self.poses[:, -1, self.agent]
+
+    @property
+    def team_poses(self) -> Float[Tensor, "b n 3"]:
+        """Everybody's newest poses."""
+        return self.poses[:, -1]
+
+    @property
+    def scan(self) -> Float[Tensor, "b k"]:
+        """The newest scan."""
+        return self.scans[:, -1]
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Imagined motion of a whole team for each goal candidate.
+
+    Attributes:
+        poses: predicted poses in the world frame; the heading is NaN where a predictor gives positions only.
+        times: seconds ahead of now, one a predicted step, increasing.
+    """
+
+    poses: Float[Tensor, "b g t n 3"]
+    times: Float[Tensor, "t"]

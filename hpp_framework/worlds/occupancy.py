@@ -1,0 +1,111 @@
+"""Free space of a world on a grid: distance to the nearest obstacle and what can be reached from where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from hpp_framework.worlds.slicing import planar_map
+from hpp_framework.worlds.world import World
+
+RESOLUTION = 0.05
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """Distances on a grid over a world's bounds.
+
+    Attributes:
+        distance: (rows, columns) metres from a cell's centre to the nearest obstacle or bound; row 0 at y_min.
+        origin: (x, y) of the corner of cell (0, 0).
+        resolution: metres a cell.
+    """
+
+    distance: npt.NDArray[np.float32]
+    origin: tuple[float, float]
+    resolution: float
+
+    def at(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+        """Return the distance to the nearest obstacle at points (..., 2); 0 outside the bounds."""
+        rows, columns, inside = self._cells(points)
+        return np.where(inside, self.distance[rows, columns], 0.0).astype(np.float32)
+
+    def regions(self, clearance: float) -> npt.NDArray[np.int32]:
+        """Label the connected regions (rows, columns) where a disc of this radius fits; 0 is blocked."""
+        labels, _ = ndimage.label(self.distance > clearance, structure=np.ones((3, 3)))
+        return np.asarray(labels, np.int32)
+
+    def largest_region(self, clearance: float) -> npt.NDArray[np.bool_]:
+        """Return the mask (rows, columns) of the largest region where a disc of this radius fits."""
+        labels = self.regions(clearance)
+        sizes = np.bincount(labels.ravel())
+        sizes[0] = 0
+        return np.asarray((labels == sizes.argmax()) & (labels > 0))
+
+    def inside(self, mask: npt.NDArray[np.bool_], points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+        """Return whether points (..., 2) lie in cells where ``mask`` is true."""
+        rows, columns, inside = self._cells(points)
+        return inside & mask[rows, columns]
+
+    def sample(
+        self, mask: npt.NDArray[np.bool_], count: int, rng: np.random.Generator
+    ) -> npt.NDArray[np.float64]:
+        """Draw points (count, 2) uniformly from the cells where ``mask`` is true."""
+        rows, columns = np.nonzero(mask)
+        chosen = rng.integers(len(rows), size=count)
+        cells = np.stack([columns[chosen], rows[chosen]], -1) + rng.random((count, 2))
+        return cells * self.resolution + np.array(self.origin)
+
+    def _cells(
+        self, points: npt.NDArray[np.floating]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+        cells = np.floor((np.asarray(points) - np.array(self.origin)) / self.resolution).astype(np.int64)
+        rows, columns = self.distance.shape
+        inside = (cells[..., 0] >= 0) & (cells[..., 0] < columns) & (cells[..., 1] >= 0) & (cells[..., 1] < rows)
+        return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1), inside
+
+
+def free_space(world: World, *, body_height: float, resolution: float = RESOLUTION) -> FreeSpace:
+    """Rasterise a world for a body of the given height.
+
+    Args:
+        world: the world.
+        body_height: obstacles that begin above this are ignored, metres.
+        resolution: metres a cell.
+    """
+    flat = planar_map(world, lidar_heights=(), body_height=body_height)
+    segments, discs = flat.touched_below(body_height)
+    x_min, y_min, x_max, y_max = world.bounds
+    shape = (int(np.ceil((y_max - y_min) / resolution)), int(np.ceil((x_max - x_min) / resolution)))
+    blocked = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
+    blocked[[0, -1], :] = 1
+    blocked[:, [0, -1]] = 1
+    to_pixel = _PixelGrid(np.array([x_min, y_min]), resolution)
+    boxes = [box for box in world.boxes if box.base < body_height]
+    for corners in [box.corners() for box in boxes]:
+        cv2.fillPoly(blocked, [to_pixel(corners)], 1, shift=to_pixel.shift)
+    for x0, y0, x1, y1 in segments:
+        ends = to_pixel(np.array([[x0, y0], [x1, y1]]))
+        cv2.line(blocked, ends[0].tolist(), ends[1].tolist(), 1, shift=to_pixel.shift)
+    for x, y, radius in discs:
+        scaled = round(float(radius) / resolution * (1 << to_pixel.shift))
+        cv2.circle(blocked, to_pixel(np.array([[x, y]]))[0].tolist(), scaled, 1, -1, shift=to_pixel.shift)
+    distance = np.asarray(ndimage.distance_transform_edt(blocked == 0)) * resolution
+    inner = np.maximum(distance[1:-1, 1:-1] - resolution / 2, 0).astype(np.float32)
+    return FreeSpace(distance=inner, origin=(x_min, y_min), resolution=resolution)
+
+
+@dataclass(frozen=True)
+class _PixelGrid:
+    origin: npt.NDArray[np.float64]
+    resolution: float
+    shift: int = 8
+
+    def __call__(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.int32]:
+        # one cell of margin; cv2 measures from the centre of a pixel
+        cells = (points - self.origin) / self.resolution + 0.5
+        return np.round(np.clip(cells, -1e4, 1e4) * (1 << self.shift)).astype(np.int32)

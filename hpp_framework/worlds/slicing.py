@@ -1,0 +1,145 @@
+"""A world as planar geometry: oriented segments and discs, each with the heights it spans.
+
+The batch simulator, the occupancy grid and the top-down pictures all read a world through this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+from trimesh.intersections import mesh_plane
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.worlds.world import Mesh, World
+
+FloatArray = npt.NDArray[np.float32]
+
+SEEN = 1
+"""Flag of a segment or disc that lidars see."""
+TOUCHED = 2
+"""Flag of a segment or disc that robots touch."""
+ONE_SIDED = 4
+"""Flag of a segment that is only met from its right-hand side (outside of a counter-clockwise outline)."""
+
+BODY_SLICE_STEP = 0.1
+_NUDGE = 1e-4
+
+
+@dataclass(frozen=True)
+class PlanarMap:
+    """Segments and discs of one world.
+
+    Attributes:
+        segments: (s, 4) x0, y0, x1, y1 in metres.
+        segment_heights: (s, 2) lowest and highest point in metres.
+        segment_flags: (s,) sum of ``SEEN``, ``TOUCHED``, ``ONE_SIDED``.
+        discs: (c, 3) x, y, radius in metres.
+        disc_heights: (c, 2) lowest and highest point in metres.
+    """
+
+    segments: FloatArray
+    segment_heights: FloatArray
+    segment_flags: npt.NDArray[np.int32]
+    discs: FloatArray
+    disc_heights: FloatArray
+
+    def touched_below(self, height: float) -> tuple[FloatArray, FloatArray]:
+        """Return the segments (s, 4) and discs (c, 3) that a body of this height can touch."""
+        touched = (self.segment_flags & TOUCHED > 0) & (self.segment_heights[:, 0] < height)
+        return self.segments[touched], self.discs[self.disc_heights[:, 0] < height]
+
+
+def planar_map(world: World, *, lidar_heights: Sequence[float], body_height: float) -> PlanarMap:
+    """Slice a world.
+
+    Args:
+        world: the world.
+        lidar_heights: heights of the lidar planes in the team, metres.
+        body_height: height of the tallest robot, metres.
+
+    Raises:
+        ConfigError: if a mesh file is missing or holds no triangles.
+    """
+    segments: list[FloatArray] = []
+    heights: list[tuple[float, float]] = []
+    flags: list[int] = []
+    for box in world.solid_boxes():
+        corners = box.corners()
+        segments.append(np.hstack([corners, np.roll(corners, -1, axis=0)]).astype(np.float32))
+        heights += [(box.base, box.base + box.height)] * 4
+        flags += [SEEN | TOUCHED | ONE_SIDED] * 4
+    for mesh in world.meshes:
+        for cut, span, flag in _slice_mesh(mesh, tuple(sorted(set(lidar_heights))), body_height):
+            segments.append(cut)
+            heights += [span] * len(cut)
+            flags += [flag] * len(cut)
+    discs = np.array([(*c.center, c.radius) for c in world.cylinders], np.float32).reshape(-1, 3)
+    spans = np.array([(c.base, c.base + c.height) for c in world.cylinders], np.float32).reshape(-1, 2)
+    return PlanarMap(
+        segments=np.vstack(segments) if segments else np.zeros((0, 4), np.float32),
+        segment_heights=np.array(heights, np.float32).reshape(-1, 2),
+        segment_flags=np.array(flags, np.int32),
+        discs=discs,
+        disc_heights=spans,
+    )
+
+
+def load_mesh(mesh: Mesh) -> Any:
+    """Return the placed ``trimesh.Trimesh`` of a mesh obstacle.
+
+    Raises:
+        ConfigError: if the file is missing, unreadable or holds no triangles.
+    """
+    loaded = _read_mesh(mesh.file).copy()
+    placement = trimesh.transformations.rotation_matrix(mesh.yaw, [0, 0, 1])
+    placement[:3, 3] = mesh.position
+    loaded.apply_scale(mesh.scale)
+    loaded.apply_transform(placement)
+    return loaded
+
+
+@lru_cache(maxsize=64)
+def _read_mesh(file: Path) -> Any:
+    if not file.is_file():
+        raise ConfigError(f"mesh file '{file}' does not exist. Paths in a world file are relative to that file.")
+    try:
+        loaded = trimesh.load(file, force="mesh")
+    except Exception as error:
+        raise ConfigError(f"mesh file '{file}' could not be read: {error}. Use STL, OBJ, PLY, GLB or OFF.") from error
+    if len(getattr(loaded, "faces", ())) == 0:
+        raise ConfigError(f"mesh file '{file}' holds no triangles.")
+    return loaded
+
+
+@lru_cache(maxsize=256)
+def _slice_mesh(
+    mesh: Mesh, lidar_heights: tuple[float, ...], body_height: float
+) -> tuple[tuple[FloatArray, tuple[float, float], int], ...]:
+    """Cut a mesh at the lidar planes (seen) and every 10 cm of body height (touched)."""
+    solid = load_mesh(mesh)
+    cuts: list[tuple[FloatArray, tuple[float, float], int]] = []
+    for height in lidar_heights:
+        span = (height - 10 * _NUDGE, height + 10 * _NUDGE)
+        cuts.append((_cut(solid, height), span, SEEN))
+    levels = np.arange(BODY_SLICE_STEP / 2, max(body_height, BODY_SLICE_STEP), BODY_SLICE_STEP)
+    for level in levels:
+        span = (float(level) - BODY_SLICE_STEP / 2, float(level) + BODY_SLICE_STEP / 2)
+        cuts.append((_cut(solid, float(level)), span, TOUCHED))
+    return tuple(cut for cut in cuts if len(cut[0]))
+
+
+def _cut(solid: Any, height: float) -> FloatArray:
+    # nudged off coplanar faces, which mesh_plane reports wrongly or not at all
+    lines = np.asarray(mesh_plane(solid, plane_normal=[0, 0, 1], plane_origin=[0, 0, height + _NUDGE]))
+    if len(lines) == 0:
+        return np.zeros((0, 4), np.float32)
+    flat = lines[:, :, :2].reshape(-1, 4).astype(np.float32)
+    lengths = np.hypot(flat[:, 2] - flat[:, 0], flat[:, 3] - flat[:, 1])
+    return flat[lengths > 1e-6]

@@ -1,0 +1,77 @@
+"""Start poses and random goals in the free space of a world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.robot import RobotSpec
+from hpp_framework.worlds.occupancy import FreeSpace, free_space
+from hpp_framework.worlds.world import World
+
+ATTEMPTS = 2000
+GAP = 0.5
+"""Smallest gap between two footprints at the start, in metres."""
+
+
+def spawn_poses(
+    world: World,
+    robots: Sequence[RobotSpec],
+    rng: np.random.Generator,
+    *,
+    space: FreeSpace | None = None,
+) -> npt.NDArray[np.float64]:
+    """Draw start poses (n, 3) by the world's spawn rule: free, mutually reachable, headings random.
+
+    Args:
+        world: the world.
+        robots: the team.
+        rng: source of randomness.
+        space: the world's free space, if already computed for the tallest robot.
+
+    Raises:
+        ConfigError: if no placement was found in 2,000 tries.
+    """
+    space = space or free_space(world, body_height=max(robot.height for robot in robots))
+    radius = max(robot.footprint_radius for robot in robots)
+    regions = space.regions(radius + world.spawn.clearance)
+    ring = _ring_radius(world.spawn.distance, radius, len(robots))
+    for _ in range(ATTEMPTS):
+        points = _ring(world, len(robots), ring, rng)
+        labels = np.where(space.at(points) > 0, _labels_at(space, regions, points), 0)
+        if labels.min() > 0 and labels.min() == labels.max():
+            return np.column_stack([points, rng.uniform(-math.pi, math.pi, len(robots))])
+    raise ConfigError(
+        f"world '{world.name}': no room for {len(robots)} robots {world.spawn.distance} m apart with "
+        f"{world.spawn.clearance} m clearance. Use a smaller team, a smaller spawn distance or clearance, a "
+        "larger spawn center area, or fewer obstacles."
+    )
+
+
+def _ring_radius(distance: float, footprint: float, count: int) -> float:
+    if count == 1:
+        return 0.0
+    return max(distance / 2, (2 * footprint + GAP) / (2 * math.sin(math.pi / count)))
+
+
+def _ring(world: World, count: int, radius: float, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+    x_min, y_min, x_max, y_max = world.spawn.center or world.bounds
+    center = rng.uniform((x_min, y_min), (x_max, y_max))
+    axis = rng.uniform(-math.pi, math.pi)
+    if world.spawn.axis is not None:
+        axis = world.spawn.axis + rng.uniform(-1, 1) * world.spawn.axis_spread
+    angles = axis + 2 * math.pi * np.arange(count) / count
+    return center + radius * np.stack([np.cos(angles), np.sin(angles)], -1)
+
+
+def _labels_at(
+    space: FreeSpace, regions: npt.NDArray[np.int32], points: npt.NDArray[np.float64]
+) -> npt.NDArray[np.int32]:
+    cells = np.floor((points - np.array(space.origin)) / space.resolution).astype(int)
+    rows = np.clip(cells[:, 1], 0, regions.shape[0] - 1)
+    columns = np.clip(cells[:, 0], 0, regions.shape[1] - 1)
+    return regions[rows, columns]

@@ -1,0 +1,1 @@
+"""Skills that ship with hpp_framework."""

@@ -1,0 +1,68 @@
+"""The learned point-to-point skill."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework import geometry
+from hpp_framework.checkpoints import load_checkpoint, load_into
+from hpp_framework.errors import CheckpointError
+from hpp_framework.robot import RobotSpec
+from hpp_framework.skill import Skill
+from hpp_framework.types import Observation
+from hpp_skills.p2p.network import PolicyNetwork
+
+WEIGHTS = Path(__file__).parent / "weights"
+
+
+class PointToPoint(Skill):
+    """Drives to a goal with the trained policy, deterministically.
+
+    Args:
+        network: the policy.
+    """
+
+    def __init__(self, network: PolicyNetwork) -> None:
+        self.network = network.eval()
+
+    @torch.no_grad()
+    def act(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
+        """Return commands [v in m/s, omega in rad/s]."""
+        return self.network(observation.scan, geometry.polar(observation.pose, goal), observation.velocity)
+
+
+def expected_metadata(robot: RobotSpec) -> dict[str, object]:
+    """Return what weights for this robot must say of themselves."""
+    drive = robot.drive
+    return {
+        "skill": "p2p",
+        "robot": robot.name,
+        "beams": robot.lidar.beams,
+        "drive": [*drive.speed, drive.turn_rate, drive.acceleration, drive.turn_acceleration],
+    }
+
+
+def load(robot: RobotSpec, file: Path | None = None) -> PointToPoint:
+    """Load the skill for a robot.
+
+    Args:
+        robot: whose skill.
+        file: other weights than the shipped ones.
+
+    Raises:
+        CheckpointError: if there are no weights for this robot, or they were made for another.
+    """
+    file = file or WEIGHTS / f"{robot.name}.safetensors"
+    if not file.is_file():
+        raise CheckpointError(
+            f"there are no p2p weights for robot '{robot.name}' ('{file}'). "
+            f"Train them: hpp train skill p2p --robot {robot.name}"
+        )
+    weights, _ = load_checkpoint(file, expected_metadata(robot))
+    network = PolicyNetwork(robot)
+    load_into(network, weights, file)
+    return PointToPoint(network)

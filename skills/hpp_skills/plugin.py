@@ -1,0 +1,12 @@
+"""Registers the bundled skills and the weights that come with them."""
+
+from __future__ import annotations
+
+from hpp_framework.registry import Hub
+
+
+def register(hub: Hub) -> None:
+    """Add every skill of this package."""
+    hub.skills.add("p2p", "hpp_skills.p2p.skill:load", summary="learned point-to-point navigation")
+    hub.skill_trainers.add("p2p", "hpp_skills.p2p.train:train", summary="PPO on random furnished rooms")
+    hub.checkpoints.add("hpp_skills.p2p", "hpp_skills.p2p.predictors:folder", summary="motion models of p2p")

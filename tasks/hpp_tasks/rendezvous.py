@@ -1,0 +1,76 @@
+"""Rendezvous: everybody within a distance of everybody's centre, at rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from hpp_framework.robot import RobotSpec
+from hpp_framework.task import Task
+
+MARGIN = 0.25
+"""Metres between touching discs in a ring and a rendezvous."""
+
+REST_SPEED = 0.1
+"""Largest relative speed of a sustained rendezvous, m/s."""
+
+
+def rendezvous_radius(robots: Sequence[RobotSpec]) -> float:
+    """Return d(n) = r / sin(pi / n) + 0.25 m: the largest footprints fit in a ring around the centre.
+
+    The paper never gives d; see docs/paper.md.
+    """
+    if len(robots) < 2:
+        return MARGIN
+    return max(robot.footprint_radius for robot in robots) / math.sin(math.pi / len(robots)) + MARGIN
+
+
+class Rendezvous(Task):
+    """The paper's task and Eq. 1.
+
+    Args:
+        radius: the paper's d in metres, distance from the centre.
+    """
+
+    def __init__(self, radius: float) -> None:
+        self.radius = radius
+
+    def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
+        """Return Eq. 1: 0 within ``radius`` of the centre, else minus the distances, each pair counted twice."""
+        xy = poses[..., :2]
+        apart = (xy[..., :, None, :] - xy[..., None, :, :]).norm(dim=-1).sum((-1, -2))
+        return torch.where(self.met(poses), torch.zeros_like(apart), -apart)
+
+    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
+        """Return whether everybody is within ``radius`` of the centre."""
+        xy = poses[..., :2]
+        return ((xy - xy.mean(-2, keepdim=True)).norm(dim=-1) < self.radius).all(-1)
+
+    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
+        """Return whether everybody is close and no two robots move apart or together faster than 0.1 m/s."""
+        heading = poses[..., 2]
+        motion = velocities[..., :1] * torch.stack([heading.cos(), heading.sin()], -1)
+        relative = (motion[..., :, None, :] - motion[..., None, :, :]).norm(dim=-1)
+        return self.met(poses) & (relative < REST_SPEED).all(-1).all(-1)
+
+
+class AccumulatedDistance(Rendezvous):
+    """The reward the paper tried first and rejected (appendix A): the distance summed over a trajectory."""
+
+    def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
+        """Return the sum of Eq. 1 over the times of a trajectory."""
+        return self.reward(poses).sum(-1)
+
+
+def rendezvous(robots: Sequence[RobotSpec]) -> Rendezvous:
+    """Build the task for a team."""
+    return Rendezvous(rendezvous_radius(robots))
+
+
+def accumulated_distance(robots: Sequence[RobotSpec]) -> AccumulatedDistance:
+    """Build the variant with the rejected reward for a team."""
+    return AccumulatedDistance(rendezvous_radius(robots))
