@@ -1,0 +1,38 @@
+# `make` lists the targets. Every target that needs Python makes .venv itself.
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint types bench vulkan clean
+SHELL := /bin/bash
+
+BIN := .venv/bin
+STAMP := .venv/.installed
+DEMO_OUT ?= out/demo
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(STAMP): pyproject.toml constraints/ci.txt scripts/make-venv.sh
+	@PYTHON='$(PYTHON)' scripts/make-venv.sh
+	@touch $@
+
+demo: $(STAMP) vulkan ## two robots meet behind a wall, in SAPIEN: video and plot
+	@$(BIN)/hpp run --world wall --team fetch,freight --planner hpp --preset best --backend sapien --seed 0 --out $(DEMO_OUT)
+
+test: $(STAMP) ## run the tests
+	@$(BIN)/python -m pytest tests
+
+lint: $(STAMP) ## style, formatting and the direction of dependencies
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+	@$(BIN)/lint-imports
+
+types: $(STAMP) ## static types
+	@$(BIN)/basedpyright
+
+bench: $(STAMP) ## speed of the batch simulator
+	@$(BIN)/python tests/bench/bench_batch.py
+
+vulkan: ## a software renderer for SAPIEN where there is none (Debian, Ubuntu; root)
+	@scripts/install-vulkan.sh || echo "No Vulkan: SAPIEN simulates, but pictures come from the top-down view."
+
+clean: ## remove the environment, caches and results of the demo
+	rm -rf .venv .pytest_cache .ruff_cache .hypothesis .import_linter_cache dist build out/demo
