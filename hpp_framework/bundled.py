@@ -8,4 +8,29 @@ from hpp_framework.registry import Hub
 def register(hub: Hub) -> None:
     """Add the framework's own worlds, planners and predictors."""
     worlds = "hpp_framework.worlds"
-    hub.worlds.add("training", f"{worlds}.generators:training", summary="random furniture, another room each seed")
+    hub.worlds.add(
+        "training", f"{worlds}.generators:training", summary="random furniture, another room each seed"
+    )
+    hub.worlds.add("simple", f"{worlds}.catalogue:simple", summary="an empty room, 20 x 20 m")
+    hub.worlds.add("wall", f"{worlds}.catalogue:wall", summary="one wall, 4 m long, between the robots")
+    hub.worlds.add(
+        "navigation", f"{worlds}.catalogue:navigation", summary="a room full of walls, boxes and pillars"
+    )
+    planning = "hpp_framework.planning"
+    hub.planners.add(
+        "hpp", f"{planning}.hpp:hpp", summary="hierarchical predictive planning (presets: paper, best)"
+    )
+    hub.planners.add("centralized-mp", f"{planning}.heuristics:midpoint", summary="everybody to the midpoint")
+    hub.planners.add("centralized-oa", f"{planning}.heuristics:other", summary="everybody to another agent")
+    hub.planners.add(
+        "centralized-rp", f"{planning}.heuristics:random_point", summary="everybody to one random point"
+    )
+    prediction = "hpp_framework.prediction"
+    for name, module, summary in (
+        ("delta-pose-lidar", "delta", "the paper's one-step model, rolled out (Eq. 2 and 3)"),
+        ("far-sighted", "far_sighted", "positions 1 to 12 s ahead, directly"),
+        ("constant-velocity", "constant_velocity", "everybody goes on as now; needs no weights"),
+    ):
+        hub.predictors.add(name, f"{prediction}.{module}:create", summary=summary)
+    for name, module in (("delta-pose-lidar", "delta"), ("far-sighted", "far_sighted")):
+        hub.predictor_trainers.add(name, f"{prediction}.{module}:train")

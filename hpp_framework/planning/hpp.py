@@ -1,0 +1,111 @@
+"""Hierarchical predictive planning (the paper's Algorithm 1) and its presets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.errors import unknown_name
+from hpp_framework.planner import Belief, Imagination, MetaPlanner, PlannerContext
+from hpp_framework.planning.cem import CemConfig, cross_entropy
+from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.predictor import Predictor, PredictorRequest
+from hpp_framework.registry import hub
+from hpp_framework.task import Task
+from hpp_framework.types import Observation, Trajectories
+
+MIN_STD = 0.25
+"""Smallest initial standard deviation in metres, so that robots in one row still search to its sides."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HppConfig:
+    """Parameters of the paper's planner (appendix C.1).
+
+    Attributes:
+        predictor: registered motion model.
+        horizon: prediction steps T.
+        plan_every: control steps between plans T_h.
+        cem: the search.
+    """
+
+    predictor: str = "delta-pose-lidar"
+    horizon: int = 5
+    plan_every: int = 10
+    cem: CemConfig = CemConfig()
+
+
+class HppPlanner(MetaPlanner):
+    """Algorithm 1: search goals by CEM, score each by where its imagined team would end up.
+
+    The first Gaussian has the midpoint of the observed positions as its mean and half their spread as its
+    standard deviation; the paper says "using agent poses" only.
+
+    Args:
+        predictor: the agent's motion models.
+        task: the shared objective.
+        config: parameters.
+    """
+
+    def __init__(self, predictor: Predictor, task: Task, config: HppConfig) -> None:
+        self.predictor = predictor
+        self.task = task
+        self.config = config
+        self.plan_every = config.plan_every
+
+    @torch.no_grad()
+    def plan(
+        self, observation: Observation, belief: Belief | None, rng: torch.Generator
+    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+        """Return the mean of the final Gaussian; each plan starts afresh, as in the paper."""
+        del belief
+        positions = observation.team_poses[..., :2]
+        spread = positions.amax(1) - positions.amin(1)
+        seen: list[Trajectories] = []
+
+        def objective(goals: Float[Tensor, "b g 2"]) -> Float[Tensor, "b g"]:
+            imagined = self.predictor.rollout(observation, goals, self.config.horizon)
+            seen[:] = [imagined]
+            return self.task.trajectory_reward(imagined.poses)
+
+        found = cross_entropy(
+            objective, positions.mean(1), (spread / 2).clamp(min=MIN_STD), rng, self.config.cem
+        )
+        imagination = Imagination(found.samples, found.scores, seen[0]) if seen else None
+        return found.mean, Belief(found.mean, found.mean, found.std, imagination)
+
+
+def paper(context: PlannerContext) -> MetaPlanner:
+    """Build the planner with the paper's numbers."""
+    config = HppConfig()
+    return HppPlanner(_predictor(config.predictor, context), context.task, config)
+
+
+def best(context: PlannerContext) -> MetaPlanner:
+    """Build the planner with the best settings known so far; see docs/decisions.md."""
+    config = LatticeConfig()
+    return LatticePlanner(_predictor(config.predictor, context), context.task, config)
+
+
+PRESETS: dict[str, Callable[[PlannerContext], MetaPlanner]] = {"paper": paper, "best": best}
+
+
+def hpp(context: PlannerContext) -> MetaPlanner:
+    """Build HPP under the context's preset.
+
+    Raises:
+        UnknownNameError: if there is no such preset.
+        CheckpointError: if there are no predictor weights for the team.
+    """
+    if context.preset not in PRESETS:
+        raise unknown_name("preset", context.preset, PRESETS)
+    return PRESETS[context.preset](context)
+
+
+def _predictor(name: str, context: PlannerContext) -> Predictor:
+    request = PredictorRequest(team=context.team, agent=context.agent, folders=context.weights)
+    return hub().predictors.create(name, request)
