@@ -21,7 +21,8 @@ class Agent:
         skill: drives towards the goal.
         planner: chooses the goal.
         task: the shared objective; with it the agent stops when the poses *it observes* fulfil the task ("the
-            process stops when the agents are close to each other", section 4.2 of the paper). None never rests.
+            process stops when the agents are close to each other", section 4.2 of the paper). None never
+            rests.
         rng: the agent's own randomness.
     """
 

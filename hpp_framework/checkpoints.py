@@ -54,7 +54,9 @@ def load_checkpoint(file: Path, expected: Mapping[str, Any]) -> tuple[dict[str, 
             metadata = json.loads((stream.metadata() or {}).get("card", "{}"))
             weights = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118  # not a dict
     except (SafetensorError, OSError, json.JSONDecodeError) as error:
-        raise CheckpointError(f"weights file '{file}' cannot be read: {error}. Train or copy it again.") from error
+        raise CheckpointError(
+            f"weights file '{file}' cannot be read: {error}. Train or copy it again."
+        ) from error
     for key, value in expected.items():
         if metadata.get(key) != value:
             raise CheckpointError(

@@ -22,7 +22,7 @@ def _lib(array: Tensor | npt.NDArray[np.floating]) -> ModuleType:
 
 
 def _stack(parts: list[Array]) -> Array:
-    return torch.stack(parts, -1) if isinstance(parts[0], Tensor) else np.stack(parts, -1)
+    return _lib(parts[0]).stack(parts, -1)
 
 
 def wrap_angle(angle: Array) -> Array:

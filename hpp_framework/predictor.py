@@ -35,7 +35,8 @@ class Predictor(ABC):
         Args:
             observation: of the predicting agent.
             goals: candidates in world coordinates, metres.
-            horizon: number of prediction steps; their length is the predictor's own (see ``Trajectories.times``).
+            horizon: number of prediction steps; their length is the predictor's own
+                (see ``Trajectories.times``).
         """
 
 

@@ -75,11 +75,20 @@ class Sensing:
         """Append a measurement of everybody."""
         poses, scans = self._measure(state)
         self._poses = torch.cat([self._poses[:, 1:], poses[:, None]], 1)
-        self._scans = [torch.cat([old[:, 1:], new[:, None]], 1) for old, new in zip(self._scans, scans, strict=True)]
+        self._scans = [
+            torch.cat([old[:, 1:], new[:, None]], 1) for old, new in zip(self._scans, scans, strict=True)
+        ]
         self._velocities = state.velocities
 
     def restart(self, state: State, robots: Bool[Tensor, "b n"]) -> None:
-        """Begin the histories of the chosen robots anew, as observers and as observed; others only re-measure."""
+        """Begin the histories of the chosen robots anew, as observers and as observed.
+
+        The newest entry of everybody else is measured again.
+
+        Args:
+            state: after the restart.
+            robots: which robots begin anew.
+        """
         poses, scans = self._measure(state)
         self._poses[:, -1] = poses
         touched = robots[:, :, None] | robots[:, None, :]

@@ -72,9 +72,13 @@ def parse_team(text: str, *, skill: str = "p2p") -> Team:
     """
     items = [item.strip() for item in text.split(",")]
     if not text.strip() or not all(items):
-        raise ConfigError(f"team '{text}' has an empty entry; write robots separated by commas, e.g. 'fetch,freight'.")
+        raise ConfigError(
+            f"team '{text}' has an empty entry; write robots separated by commas, e.g. 'fetch,freight'."
+        )
     hub().skills.entry(skill)
-    pairs = [tuple(part.strip() for part in item.split("=", 1)) if "=" in item else ("", item) for item in items]
+    pairs = [
+        tuple(part.strip() for part in item.split("=", 1)) if "=" in item else ("", item) for item in items
+    ]
     if any("=" in item and not all(pair) for item, pair in zip(items, pairs, strict=True)):
         raise ConfigError(f"team '{text}': write 'id=robot', e.g. 'alice=fetch'.")
     models = Counter(model for given, model in pairs if not given)

@@ -54,7 +54,8 @@ if ! "$venv/bin/python" -c 'import pip' >/dev/null 2>&1; then
   echo "Creating $venv with $("$python" -V) ..."
   "$python" -m venv --clear "$venv"
 fi
-pip() { "$venv/bin/python" -m pip --quiet --disable-pip-version-check "$@"; }
+# twice quiet: errors only
+pip() { "$venv/bin/python" -m pip -qq --disable-pip-version-check "$@"; }
 
 echo "Installing into $venv; this takes a few minutes the first time ..."
 # torch by itself first, so that nothing that follows can choose another build

@@ -39,7 +39,9 @@ class BatchSimulator(Simulator):
         self._robots: Any = wp.array(
             [_robot_struct(robot) for robot in robots], dtype=batch_kernels.Robot, device=self._warp_device
         )
-        self._directions: Any = wp.array(_directions(robots, self.beams), dtype=wp.vec2, device=self._warp_device)
+        self._directions: Any = wp.array(
+            _directions(robots, self.beams), dtype=wp.vec2, device=self._warp_device
+        )
         self._pool: tuple[World, ...] = ()
         self._geometry: Any = None
 
@@ -50,7 +52,9 @@ class BatchSimulator(Simulator):
         place = {id(world): index for index, world in enumerate(pool)}
         self.load(pool, episodes=len(worlds))
         everyone = torch.ones(len(worlds), len(self.robots), dtype=torch.bool)
-        return self.place(torch.tensor([place[id(world)] for world in worlds], dtype=torch.int32), everyone, poses)
+        return self.place(
+            torch.tensor([place[id(world)] for world in worlds], dtype=torch.int32), everyone, poses
+        )
 
     def load(self, pool: Sequence[World], *, episodes: int) -> None:
         """Hold a pool of worlds and room for a number of episodes; follow with :meth:`place`.
@@ -63,7 +67,8 @@ class BatchSimulator(Simulator):
         heights = [robot.lidar.height for robot in self.robots]
         tallest = max(robot.height for robot in self.robots)
         self._geometry = _pack(
-            [planar_map(world, lidar_heights=heights, body_height=tallest) for world in pool], self._warp_device
+            [planar_map(world, lidar_heights=heights, body_height=tallest) for world in pool],
+            self._warp_device,
         )
         shape = (episodes, len(self.robots))
 
@@ -79,7 +84,8 @@ class BatchSimulator(Simulator):
         self._near: Any = wp.zeros(shape, dtype=int, device=self._warp_device)
         self._before: Any = wp.zeros(shape, dtype=wp.vec2, device=self._warp_device)
         self._arrays: list[Any] = [
-            wrap(x) for x in (self._state.poses, self._state.velocities, self._state.scans, self._state.collided)
+            wrap(x)
+            for x in (self._state.poses, self._state.velocities, self._state.scans, self._state.collided)
         ]
         self._warp_commands: Any = wrap(self._commands)
         self._warp_index: Any = wrap(self._world_index)
@@ -99,7 +105,9 @@ class BatchSimulator(Simulator):
         """
         self._world_index.copy_(world_index)
         chosen = robots.to(self.device)
-        self._state.poses.copy_(torch.where(chosen[..., None], poses.to(self._state.poses), self._state.poses))
+        self._state.poses.copy_(
+            torch.where(chosen[..., None], poses.to(self._state.poses), self._state.poses)
+        )
         self._state.velocities.masked_fill_(chosen[..., None], 0.0)
         self._state.collided.masked_fill_(chosen, value=False)
         self._cast()

@@ -1,7 +1,7 @@
 """Warp kernels of the batch simulator: drive with contact, and lidar by angular rasterisation.
 
-Geometry of all worlds lies in flat arrays; world ``w`` owns segments ``segment_start[w]:segment_start[w + 1]``
-and likewise discs. Flags as in ``hpp_framework.worlds.slicing``.
+Geometry of all worlds lies in flat arrays; world ``w`` owns segments
+``segment_start[w]:segment_start[w + 1]`` and likewise discs. Flags as in ``hpp_framework.worlds.slicing``.
 """
 
 import warp as wp
@@ -52,6 +52,7 @@ class Geometry:
 
 @wp.func
 def limit(value: float, low: float, high: float) -> float:
+    """Clamp a value."""
     return wp.min(wp.max(value, low), high)
 
 
@@ -294,8 +295,12 @@ def cast(
                     if high - low <= PI:
                         mark_line(low, high, normal, offset, robot, directions, episode, agent, scans)
                     else:
-                        mark_line(high, low + 2.0 * PI, normal, offset, robot, directions, episode, agent, scans)
-                        mark_line(high - 2.0 * PI, low, normal, offset, robot, directions, episode, agent, scans)
+                        mark_line(
+                            high, low + 2.0 * PI, normal, offset, robot, directions, episode, agent, scans
+                        )
+                        mark_line(
+                            high - 2.0 * PI, low, normal, offset, robot, directions, episode, agent, scans
+                        )
     for c in range(geometry.disc_start[world], geometry.disc_start[world + 1]):
         heights = geometry.disc_heights[c]
         if heights[0] <= robot.lidar_height and robot.lidar_height < heights[1]:

@@ -72,7 +72,9 @@ class Simulator(ABC):
         """Raise :class:`SimulatorError` unless poses are finite and shaped (worlds, robots, 3)."""
         expected = (len(worlds), len(self.robots), 3)
         if tuple(poses.shape) != expected:
-            raise SimulatorError(f"poses must have shape {expected} (worlds, robots, 3), got {tuple(poses.shape)}.")
+            raise SimulatorError(
+                f"poses must have shape {expected} (worlds, robots, 3), got {tuple(poses.shape)}."
+            )
         if not bool(torch.isfinite(poses).all()):
             raise SimulatorError("poses must be finite; found NaN or infinity.")
 
@@ -81,7 +83,8 @@ class Simulator(ABC):
         expected = (episodes, len(self.robots), 2)
         if tuple(commands.shape) != expected:
             raise SimulatorError(
-                f"commands must have shape {expected} (episodes, robots, [v, omega]), got {tuple(commands.shape)}."
+                f"commands must have shape {expected} (episodes, robots, [v, omega]), "
+                f"got {tuple(commands.shape)}."
             )
         if not bool(torch.isfinite(commands).all()):
             bad = torch.nonzero(~torch.isfinite(commands))[0].tolist()

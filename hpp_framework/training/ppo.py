@@ -1,4 +1,4 @@
-"""Proximal policy optimisation (Schulman et al. 2017) of a skill, by Stable-Baselines3 over the batch simulator."""
+"""Skill training by proximal policy optimisation (Schulman et al. 2017), Stable-Baselines3's."""
 
 from __future__ import annotations
 
@@ -59,14 +59,17 @@ class Sb3Adapter(VecEnv):
         )
 
     def reset(self) -> Any:
+        """Start every robot anew; seeded the first time."""
         observation, _ = self.env.reset(seed=self._start_seed)
         self._start_seed = None
         return observation
 
     def step_async(self, actions: npt.NDArray[np.float32]) -> None:
-        self._actions = self._middle + self._half * np.clip(actions, -1, 1)
+        """Take actions in [-1, 1] for the next :meth:`step_wait`."""
+        self._actions = np.asarray(self._middle + self._half * np.clip(actions, -1, 1), np.float32)
 
     def step_wait(self) -> Any:
+        """Step everybody and keep count of successes."""
         observation, reward, success, truncated, info = self.env.step(self._actions)
         done = success | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -80,25 +83,33 @@ class Sb3Adapter(VecEnv):
         return observation, reward.astype(np.float32), done, infos
 
     def close(self) -> None:
-        return
+        """Do nothing: the simulator frees itself."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute of the batch, once a robot."""
         return [getattr(self.env, attr_name, None)] * self.num_envs
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refuse: robots of a batch have no attributes of their own."""
         raise AttributeError(f"'{attr_name}' cannot be set on a batch of robots.")
 
-    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Refuse: robots of a batch have no methods of their own."""
         raise AttributeError(f"'{method_name}' cannot be called on one robot of a batch.")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Return that no robot has a wrapper."""
         return [False] * self.num_envs
 
 
 class _Extractor(BaseFeaturesExtractor):
     """Puts a skill's own encoder where Stable-Baselines3 wants a features extractor."""
 
-    def __init__(self, observation_space: spaces.Space[Any], encoder: Callable[[], nn.Module], width: int) -> None:
+    def __init__(
+        self, observation_space: spaces.Space[Any], encoder: Callable[[], nn.Module], width: int
+    ) -> None:
         super().__init__(observation_space, width)
         self.encoder = encoder()
 
@@ -132,7 +143,8 @@ class _Progress(BaseCallback):
         self.progress.update(
             self._task, completed=self.num_timesteps, description=f"training, success {success:.3f}"
         )
-        if (self.num_timesteps // self.model.n_steps // self.training_env.num_envs) % 20 == 0:  # type: ignore[attr-defined]  # PPO has n_steps
+        assert isinstance(self.model, PPO)
+        if (self.num_timesteps // self.model.n_steps // self.training_env.num_envs) % 20 == 0:
             self.model.save(self.out / "resume.zip")
 
 
@@ -173,7 +185,8 @@ def train_ppo(
         model = PPO(
             "MultiInputPolicy", adapter, seed=seed, device="cpu",
             n_steps=config.n_steps, batch_size=config.batch_size, n_epochs=config.n_epochs,
-            learning_rate=schedule, gamma=config.gamma, gae_lambda=config.gae_lambda, ent_coef=config.ent_coef,
+            learning_rate=schedule, gamma=config.gamma, gae_lambda=config.gae_lambda,
+            ent_coef=config.ent_coef,
             policy_kwargs={
                 "features_extractor_class": _Extractor,
                 "features_extractor_kwargs": {"encoder": encoder, "width": width},
@@ -201,5 +214,5 @@ def train_ppo(
 
 def actor_modules(model: PPO) -> tuple[nn.Module, Sequence[nn.Module], nn.Module]:
     """Return (encoder, hidden layers of the actor, action layer) of a trained model."""
-    policy = model.policy
-    return policy.features_extractor.encoder, list(policy.mlp_extractor.policy_net), policy.action_net  # type: ignore[return-value]  # untyped
+    policy: Any = model.policy
+    return policy.features_extractor.encoder, list(policy.mlp_extractor.policy_net), policy.action_net

@@ -83,7 +83,9 @@ def _table(rng: np.random.Generator, center: np.ndarray, boxes: list[Box], cylin
 
 
 def _box(center: np.ndarray, size: np.ndarray, yaw: float) -> Box:
-    return Box(center=(float(center[0]), float(center[1])), size=(float(size[0]), float(size[1])), yaw=float(yaw))
+    return Box(
+        center=(float(center[0]), float(center[1])), size=(float(size[0]), float(size[1])), yaw=float(yaw)
+    )
 
 
 _PIECES = (_cupboard, _wall, _corner, _pillar, _table)

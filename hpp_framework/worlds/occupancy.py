@@ -20,7 +20,8 @@ class FreeSpace:
     """Distances on a grid over a world's bounds.
 
     Attributes:
-        distance: (rows, columns) metres from a cell's centre to the nearest obstacle or bound; row 0 at y_min.
+        distance: (rows, columns) metres from a cell's centre to the nearest obstacle or bound; row 0 is
+            at y_min.
         origin: (x, y) of the corner of cell (0, 0).
         resolution: metres a cell.
     """
@@ -36,8 +37,10 @@ class FreeSpace:
 
     def regions(self, clearance: float) -> npt.NDArray[np.int32]:
         """Label the connected regions (rows, columns) where a disc of this radius fits; 0 is blocked."""
-        labels, _ = ndimage.label(self.distance > clearance, structure=np.ones((3, 3)))
-        return np.asarray(labels, np.int32)
+        free = self.distance > clearance
+        labels = np.zeros(free.shape, np.int32)
+        ndimage.label(free, structure=np.ones((3, 3)), output=labels)
+        return labels
 
     def largest_region(self, clearance: float) -> npt.NDArray[np.bool_]:
         """Return the mask (rows, columns) of the largest region where a disc of this radius fits."""
@@ -65,7 +68,9 @@ class FreeSpace:
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
         cells = np.floor((np.asarray(points) - np.array(self.origin)) / self.resolution).astype(np.int64)
         rows, columns = self.distance.shape
-        inside = (cells[..., 0] >= 0) & (cells[..., 0] < columns) & (cells[..., 1] >= 0) & (cells[..., 1] < rows)
+        inside = (
+            (cells[..., 0] >= 0) & (cells[..., 0] < columns) & (cells[..., 1] >= 0) & (cells[..., 1] < rows)
+        )
         return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1), inside
 
 

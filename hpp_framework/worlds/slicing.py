@@ -108,11 +108,15 @@ def load_mesh(mesh: Mesh) -> Any:
 @lru_cache(maxsize=64)
 def _read_mesh(file: Path) -> Any:
     if not file.is_file():
-        raise ConfigError(f"mesh file '{file}' does not exist. Paths in a world file are relative to that file.")
+        raise ConfigError(
+            f"mesh file '{file}' does not exist. Paths in a world file are relative to that file."
+        )
     try:
         loaded = trimesh.load(file, force="mesh")
     except Exception as error:
-        raise ConfigError(f"mesh file '{file}' could not be read: {error}. Use STL, OBJ, PLY, GLB or OFF.") from error
+        raise ConfigError(
+            f"mesh file '{file}' could not be read: {error}. Use STL, OBJ, PLY, GLB or OFF."
+        ) from error
     if len(getattr(loaded, "faces", ())) == 0:
         raise ConfigError(f"mesh file '{file}' holds no triangles.")
     return loaded

@@ -23,9 +23,7 @@ y -0.264..0.264; the largest centred disc that leaves the laser its 220 degrees 
 BASE_HEIGHT = 0.3589 + FLOOR_GAP
 """Top of the base shell above the floor (STL)."""
 
-PAPER_DRIVE = DriveLimits(
-    speed=(0.0, 1.0), turn_rate=3.0, acceleration=0.4, turn_acceleration=1.48
-)
+PAPER_DRIVE = DriveLimits(speed=(0.0, 1.0), turn_rate=3.0, acceleration=0.4, turn_acceleration=1.48)
 """Appendix C.1: v in [0, 1] m/s, omega in [-3, 3] rad/s, 0.4 m/s^2, 1.48 rad/s^2."""
 
 LIDAR = Lidar(
@@ -58,10 +56,11 @@ def base_parts(trim: tuple[float, float, float]) -> tuple[Part, ...]:
              color=(0.08, 0.08, 0.09), solid=True),
         Part(shape="cylinder", size=(FOOTPRINT_RADIUS, BASE_HEIGHT - high, 0),
              position=(0, 0, (high + BASE_HEIGHT) / 2), color=trim, solid=True),
-        Part(shape="cylinder", size=(0.033, 0.05, 0), position=(0.235, 0, LIDAR.height), color=(0.05, 0.05, 0.05)),
-        Part(shape="cylinder", size=(0.0605, 0.04, 0), position=(0, 0.187, 0.0605), rotation=(math.pi / 2, 0, 0),
-             color=(0.03, 0.03, 0.03)),
-        Part(shape="cylinder", size=(0.0605, 0.04, 0), position=(0, -0.187, 0.0605), rotation=(math.pi / 2, 0, 0),
-             color=(0.03, 0.03, 0.03)),
+        Part(shape="cylinder", size=(0.033, 0.05, 0), position=(0.235, 0, LIDAR.height),
+             color=(0.05, 0.05, 0.05)),
+        Part(shape="cylinder", size=(0.0605, 0.04, 0), position=(0, 0.187, 0.0605),
+             rotation=(math.pi / 2, 0, 0), color=(0.03, 0.03, 0.03)),
+        Part(shape="cylinder", size=(0.0605, 0.04, 0), position=(0, -0.187, 0.0605),
+             rotation=(math.pi / 2, 0, 0), color=(0.03, 0.03, 0.03)),
         Part(shape="box", size=(0.02, 0.20, 0.05), position=(0.281, 0, 0.16), color=_SILVER),
     )  # fmt: skip

@@ -33,8 +33,8 @@ def fetch() -> RobotSpec:
 def body() -> tuple[Part, ...]:
     """Return base, torso column, head and the tucked seven-joint arm.
 
-    Torso at x -0.0869 and shoulder, head at their URDF offsets with the torso down; the arm's links are folded
-    over the base so that it stays within the footprint, as the robot drives.
+    Torso at x -0.0869 and shoulder, head at their URDF offsets with the torso down; the arm's links are
+    folded over the base so that it stays within the footprint, as the robot drives.
     """
     torso_x = -0.0869
     return (
@@ -46,14 +46,14 @@ def body() -> tuple[Part, ...]:
         Part(shape="box", size=(0.012, 0.20, 0.055), position=(0.105, 0, 1.03), color=_DARK),
         # arm: shoulder ahead of the torso, upper arm to the left, forearm folded back to the right
         Part(shape="cylinder", size=(0.065, 0.14, 0), position=(0.06, 0, 0.74), color=TRIM),
-        Part(shape="cylinder", size=(0.055, 0.22, 0), position=(0.10, 0.11, 0.76), rotation=(math.pi / 2, 0, 0),
-             color=_WHITE),
+        Part(shape="cylinder", size=(0.055, 0.22, 0), position=(0.10, 0.11, 0.76),
+             rotation=(math.pi / 2, 0, 0), color=_WHITE),
         Part(shape="sphere", size=(0.062, 0, 0), position=(0.12, 0.21, 0.76), color=TRIM),
-        Part(shape="cylinder", size=(0.05, 0.24, 0), position=(0.16, 0.10, 0.69), rotation=(math.pi / 2, 0.25, 0),
-             color=_WHITE),
+        Part(shape="cylinder", size=(0.05, 0.24, 0), position=(0.16, 0.10, 0.69),
+             rotation=(math.pi / 2, 0.25, 0), color=_WHITE),
         Part(shape="sphere", size=(0.056, 0, 0), position=(0.18, -0.03, 0.65), color=TRIM),
-        Part(shape="cylinder", size=(0.045, 0.18, 0), position=(0.16, -0.12, 0.60), rotation=(math.pi / 2, -0.2, 0),
-             color=_WHITE),
+        Part(shape="cylinder", size=(0.045, 0.18, 0), position=(0.16, -0.12, 0.60),
+             rotation=(math.pi / 2, -0.2, 0), color=_WHITE),
         Part(shape="sphere", size=(0.05, 0, 0), position=(0.13, -0.20, 0.57), color=TRIM),
         Part(shape="box", size=(0.10, 0.05, 0.05), position=(0.06, -0.21, 0.54), color=_GREY),
         Part(shape="box", size=(0.06, 0.012, 0.02), position=(-0.01, -0.19, 0.54), color=_DARK),

@@ -19,7 +19,11 @@ def freight() -> RobotSpec:
         height=base.BASE_HEIGHT,
         mass=78.85,  # URDF
         body=body,
-        sources=("fetch_ros melodic freight.urdf", "Wang et al. 2020, appendix C.1", "SICK TIM571 data sheet"),
+        sources=(
+            "fetch_ros melodic freight.urdf",
+            "Wang et al. 2020, appendix C.1",
+            "SICK TIM571 data sheet",
+        ),
     )
 
 
@@ -29,5 +33,10 @@ def body() -> tuple[Part, ...]:
     return (
         *base.base_parts(TRIM),
         Part(shape="cylinder", size=(0.20, 0.012, 0), position=(0, 0, top + 0.006), color=(0.85, 0.86, 0.88)),
-        Part(shape="cylinder", size=(0.022, 0.03, 0), position=(-0.24, 0, top + 0.012), color=(0.85, 0.08, 0.05)),
+        Part(
+            shape="cylinder",
+            size=(0.022, 0.03, 0),
+            position=(-0.24, 0, top + 0.012),
+            color=(0.85, 0.08, 0.05),
+        ),
     )

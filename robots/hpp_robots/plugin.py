@@ -8,4 +8,6 @@ from hpp_framework.registry import Hub
 def register(hub: Hub) -> None:
     """Add every robot of this package."""
     hub.robots.add("fetch", "hpp_robots.fetch:fetch", summary="mobile manipulator, the paper's drive limits")
-    hub.robots.add("freight", "hpp_robots.freight:freight", summary="low transport base, the paper's drive limits")
+    hub.robots.add(
+        "freight", "hpp_robots.freight:freight", summary="low transport base, the paper's drive limits"
+    )

@@ -40,7 +40,7 @@ class Rendezvous(Task):
         self.radius = radius
 
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
-        """Return Eq. 1: 0 within ``radius`` of the centre, else minus the distances, each pair counted twice."""
+        """Return Eq. 1: 0 within ``radius`` of the centre, else minus all distances, each pair twice."""
         xy = poses[..., :2]
         apart = (xy[..., :, None, :] - xy[..., None, :, :]).norm(dim=-1).sum((-1, -2))
         return torch.where(self.met(poses), torch.zeros_like(apart), -apart)

@@ -34,6 +34,7 @@ class Encoder(nn.Module):
         with torch.no_grad():
             width = self.scan(torch.zeros(1, 1, beams)).shape[1]
         self.join = nn.Sequential(nn.Linear(width + 6, FEATURES), nn.ReLU())
+        self.velocity_scale: Tensor
         scale = torch.tensor([drive.speed[1], drive.turn_rate])
         self.register_buffer("velocity_scale", scale, persistent=False)
 

@@ -34,7 +34,12 @@ def train(config: SkillTraining) -> Path:
                     log_std_init=-1.2 if config.init else PpoConfig().log_std_init)  # fmt: skip
     started = time()
     env = PointToPointVectorEnv(
-        ROBOTS, robot=robot, pool_size=WORLDS, robots_per_world=ROBOTS_PER_WORLD, noise=NOISE, seed=config.seed
+        ROBOTS,
+        robot=robot,
+        pool_size=WORLDS,
+        robots_per_world=ROBOTS_PER_WORLD,
+        noise=NOISE,
+        seed=config.seed,
     )
     model = train_ppo(
         env,
