@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -9,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from hpp_framework.worlds.slicing import planar_map
+from hpp_framework.worlds.slicing import planar_map, solid_outlines
 from hpp_framework.worlds.world import World
 
 RESOLUTION = 0.05
@@ -96,6 +97,8 @@ def free_space(world: World, *, body_height: float, resolution: float = RESOLUTI
     for x0, y0, x1, y1 in segments:
         ends = to_pixel(np.array([[x0, y0], [x1, y1]]))
         cv2.line(blocked, ends[0].tolist(), ends[1].tolist(), 1, shift=to_pixel.shift)
+    for lines in solid_outlines(world, body_height):
+        blocked |= _filled(to_pixel.cells(lines.reshape(-1, 2, 2)), blocked.shape)
     for x, y, radius in discs:
         scaled = round(float(radius) / resolution * (1 << to_pixel.shift))
         cv2.circle(blocked, to_pixel(np.array([[x, y]]))[0].tolist(), scaled, 1, -1, shift=to_pixel.shift)
@@ -110,7 +113,21 @@ class _PixelGrid:
     resolution: float
     shift: int = 8
 
-    def __call__(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.int32]:
+    def cells(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         # one cell of margin; cv2 measures from the centre of a pixel
-        cells = (points - self.origin) / self.resolution + 0.5
-        return np.round(np.clip(cells, -1e4, 1e4) * (1 << self.shift)).astype(np.int32)
+        return np.clip((points - self.origin) / self.resolution + 0.5, -1e4, 1e4)
+
+    def __call__(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.int32]:
+        return np.round(self.cells(points) * (1 << self.shift)).astype(np.int32)
+
+
+def _filled(lines: npt.NDArray[np.float64], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    """Fill the inside of closed outlines (s, 2, 2), given as unordered lines, by the even-odd rule."""
+    flips = np.zeros((shape[0], shape[1] + 1), np.uint8)
+    for (x0, y0), (x1, y1) in lines:
+        low, high = (y0, y1) if y0 < y1 else (y1, y0)
+        rows = np.arange(max(math.ceil(low), 0), min(math.ceil(high), shape[0]))
+        if len(rows):
+            columns = np.ceil(x0 + (rows - y0) * (x1 - x0) / (y1 - y0)).astype(int)
+            flips[rows, np.clip(columns, 0, shape[1])] ^= 1
+    return np.bitwise_xor.accumulate(flips, axis=1)[:, :-1]

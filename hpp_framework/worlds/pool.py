@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import numpy_rng
+from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.world import World
 
@@ -40,7 +40,7 @@ def build_pool(
     """Generate worlds and draw free points in each.
 
     Args:
-        name: registered world.
+        name: registered world or world file.
         size: number of worlds.
         robots: the team; points suit its largest footprint and tallest body.
         seed: of worlds and points; world ``i`` depends on the seed and ``i`` only.
@@ -49,10 +49,11 @@ def build_pool(
     radius = max(robot.footprint_radius for robot in robots) + clearance
     height = max(robot.height for robot in robots)
     worlds: list[World] = []
+    factory = resolve_world(name)
     points = np.zeros((size, POINTS, 2), np.float32)
     for index in range(size):
         rng = numpy_rng(seed, "pool", name, index)
-        world = hub().worlds.create(name, rng)
+        world = factory(rng)
         space = free_space(world, body_height=height, resolution=RESOLUTION)
         points[index] = space.sample(space.largest_region(radius), POINTS, rng)
         worlds.append(world)

@@ -91,6 +91,20 @@ def planar_map(world: World, *, lidar_heights: Sequence[float], body_height: flo
     )
 
 
+def solid_outlines(world: World, body_height: float) -> list[FloatArray]:
+    """Return the outlines (s, 4) of watertight meshes, one array a mesh and level that a body can touch.
+
+    Their inside is solid; that of an open mesh, such as the scan of a room, is unknown and left free.
+    """
+    return [
+        cut
+        for mesh in world.meshes
+        if load_mesh(mesh).is_watertight
+        for cut, (low, _), flag in _slice_mesh(mesh, (), body_height)
+        if flag == TOUCHED and low < body_height
+    ]
+
+
 def load_mesh(mesh: Mesh) -> Any:
     """Return the placed ``trimesh.Trimesh`` of a mesh obstacle.
 

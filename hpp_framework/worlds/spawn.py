@@ -27,6 +27,8 @@ def spawn_poses(
 ) -> npt.NDArray[np.float64]:
     """Draw start poses (n, 3) by the world's spawn rule: free, mutually reachable, headings random.
 
+    A world with fixed starts gives those, one a robot in team order.
+
     Args:
         world: the world.
         robots: the team.
@@ -34,9 +36,12 @@ def spawn_poses(
         space: the world's free space, if already computed for the tallest robot.
 
     Raises:
-        ConfigError: if no placement was found in 2,000 tries.
+        ConfigError: if no placement was found in 2,000 tries, or the fixed starts do not suit the team.
     """
     space = space or free_space(world, body_height=max(robot.height for robot in robots))
+    if world.spawn.poses is not None:
+        check_spawn(world, robots, space=space)
+        return np.array(world.spawn.poses[: len(robots)], np.float64)
     radius = max(robot.footprint_radius for robot in robots)
     regions = space.regions(radius + world.spawn.clearance)
     ring = _ring_radius(world.spawn.distance, radius, len(robots))
@@ -46,10 +51,48 @@ def spawn_poses(
         if labels.min() > 0 and labels.min() == labels.max():
             return np.column_stack([points, rng.uniform(-math.pi, math.pi, len(robots))])
     raise ConfigError(
-        f"world '{world.name}': no room for {len(robots)} robots {world.spawn.distance} m apart with "
+        f"{world.label}: 'spawn' finds no room for {len(robots)} robots {world.spawn.distance} m apart with "
         f"{world.spawn.clearance} m clearance. Use a smaller team, a smaller spawn distance or clearance, a "
         "larger spawn center area, or fewer obstacles."
     )
+
+
+def check_spawn(world: World, robots: Sequence[RobotSpec], *, space: FreeSpace | None = None) -> None:
+    """Check the fixed starts of a world for a team; a world without fixed starts passes.
+
+    Args:
+        world: the world.
+        robots: the team, or nobody to check the starts as points.
+        space: the world's free space, if already computed for the tallest robot.
+
+    Raises:
+        ConfigError: if starts are too few, overlap, or lie in or too near an obstacle or outside the bounds.
+    """
+    starts = world.spawn.poses
+    if starts is None:
+        return
+    if len(starts) < len(robots):
+        raise ConfigError(
+            f"{world.label}: 'spawn.poses' has {len(starts)} starts for {len(robots)} robots. "
+            "List [x, y, heading_deg] for each robot, or use a smaller team."
+        )
+    space = space or free_space(world, body_height=max((robot.height for robot in robots), default=0.3))
+    radii = [robot.footprint_radius for robot in robots] or [0.0] * len(starts)
+    points = np.array(starts)[: len(radii), :2]
+    for i, gap in enumerate(space.at(points).tolist()):
+        need = radii[i] + (world.spawn.clearance if robots else 0.0)
+        if gap <= 0 or gap < need - space.resolution:
+            raise ConfigError(
+                f"{world.label}: 'spawn.poses[{i}]' at {points[i].tolist()} is {gap:.2f} m from an obstacle "
+                f"or the bounds; it needs {need:.2f} m. Move it into the open, or lower 'spawn.clearance'."
+            )
+        for j in range(i):
+            apart = float(np.hypot(*(points[i] - points[j])))
+            if apart <= max(radii[i] + radii[j], 1e-3):
+                raise ConfigError(
+                    f"{world.label}: 'spawn.poses[{i}]' overlaps 'spawn.poses[{j}]': {apart:.2f} m apart. "
+                    f"Place them more than {radii[i] + radii[j]:.2f} m apart."
+                )
 
 
 def _ring_radius(distance: float, footprint: float, count: int) -> float:

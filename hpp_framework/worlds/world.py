@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -99,6 +100,8 @@ class SpawnRule:
         axis: angle in radians of the line from robot 1 to robot 0, or None for any.
         axis_spread: half-width in radians of a uniform disturbance of ``axis``.
         clearance: smallest gap between a footprint and an obstacle, in metres.
+        poses: fixed starts (x, y, heading in radians), one a robot in team order; they replace all of the
+            above but ``clearance``.
     """
 
     distance: float = 5.0
@@ -106,15 +109,25 @@ class SpawnRule:
     axis: float | None = None
     axis_spread: float = 0.0
     clearance: float = 0.15
+    poses: tuple[tuple[float, float, float], ...] | None = None
 
     def __post_init__(self) -> None:
         _check_numbers("spawn", self, ("distance", "axis_spread", "clearance"))
         _check_positive("spawn", self, ("distance",))
+        if self.axis is not None:
+            _check_numbers("spawn", self, ("axis",))
+        if self.clearance < 0 or self.axis_spread < 0:
+            raise ConfigError("spawn: clearance and axis_spread must be 0 or more.")
+        for pose in self.poses or ():
+            if len(pose) != 3 or not all(math.isfinite(number) for number in pose):
+                raise ConfigError(f"spawn: poses must be finite (x, y, heading), got {pose}.")
         if self.center is not None:
             _check_numbers("spawn", self, ("center",))
             x_min, y_min, x_max, y_max = self.center
             if x_min > x_max or y_min > y_max:
-                raise ConfigError(f"spawn: center must be [x_min, y_min, x_max, y_max], got {list(self.center)}.")
+                raise ConfigError(
+                    f"spawn: center must be [x_min, y_min, x_max, y_max], got {list(self.center)}."
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +140,7 @@ class World:
         walled: whether walls of 1 m height stand along the bounds.
         boxes, cylinders, meshes: the obstacles.
         spawn: where robots start.
+        file: the world file it was read from, for messages; None if it was made in code.
     """
 
     name: str
@@ -136,6 +150,7 @@ class World:
     cylinders: tuple[Cylinder, ...] = ()
     meshes: tuple[Mesh, ...] = ()
     spawn: SpawnRule = field(default_factory=SpawnRule)
+    file: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         _check_numbers("world", self, ("bounds",))
@@ -145,6 +160,11 @@ class World:
                 f"world '{self.name}': bounds must be [x_min, y_min, x_max, y_max], at least 1 m each way, "
                 f"got {list(self.bounds)}."
             )
+
+    @property
+    def label(self) -> str:
+        """The file, or else the name: how messages call this world."""
+        return str(self.file) if self.file else f"world '{self.name}'"
 
     def solid_boxes(self) -> tuple[Box, ...]:
         """Return the boxes, and the outer walls if there are any."""
@@ -163,8 +183,8 @@ class World:
         )
 
 
-def _numbers(value: object) -> tuple[float, ...]:
-    return value if isinstance(value, tuple) else (value,)  # type: ignore[return-value]  # checked by the caller
+def _numbers(value: object) -> tuple[Any, ...]:
+    return cast("tuple[Any, ...]", value) if isinstance(value, tuple) else (value,)
 
 
 def _check_numbers(what: str, owner: object, names: tuple[str, ...]) -> None:
