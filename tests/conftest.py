@@ -1,0 +1,94 @@
+"""Shared by all tests: shape checking of everything the framework exports, one thread, small worlds and robots."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import jaxtyping
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("hpp_framework", "robots/hpp_robots", "skills/hpp_skills", "tasks/hpp_tasks")
+UNCHECKED = {
+    # Warp compiles the source of its kernels; wrapping them breaks that
+    "hpp_framework.sim.batch_kernels",
+}
+
+
+def _modules() -> list[str]:
+    """Name every module but the packages' own files, whose names would be prefixes of the unchecked ones."""
+    names: list[str] = []
+    for package in PACKAGES:
+        folder = ROOT / package
+        for file in sorted(folder.rglob("*.py")):
+            if file.name != "__init__.py":
+                names.append(".".join([folder.name, *file.relative_to(folder).with_suffix("").parts]))
+    return [name for name in names if name not in UNCHECKED]
+
+
+# must come before the first import of any of them: modules imported earlier would go unchecked;
+# pytest itself imports the errors, to make our warnings fail tests
+_early = sorted(set(sys.modules) & set(_modules()) - {"hpp_framework.errors"})
+assert not _early, f"imported before the shape checks were switched on: {_early}"
+jaxtyping.install_import_hook(_modules(), "beartype.beartype")
+
+import numpy as np  # noqa: E402  # after the hook, as above
+import pytest  # noqa: E402  # after the hook
+import torch  # noqa: E402  # after the hook
+
+from hpp_framework.registry import hub  # noqa: E402  # after the hook
+from hpp_framework.robot import RobotSpec  # noqa: E402  # after the hook
+from hpp_framework.worlds.world import Box, Cylinder, World  # noqa: E402  # after the hook
+
+# two threads on shared cores are slower than one, and one is the same on every machine
+torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def fetch() -> RobotSpec:
+    """Return the registered Fetch."""
+    return hub().robots.create("fetch")
+
+
+@pytest.fixture(scope="session")
+def freight() -> RobotSpec:
+    """Return the registered Freight."""
+    return hub().robots.create("freight")
+
+
+@pytest.fixture(scope="session")
+def pair(fetch: RobotSpec, freight: RobotSpec) -> tuple[RobotSpec, RobotSpec]:
+    """Return the paper's team."""
+    return fetch, freight
+
+
+@pytest.fixture(scope="session")
+def empty_world() -> World:
+    """Return 20 x 20 m without anything, walls neither."""
+    return World(name="empty", bounds=(-10, -10, 10, 10), walled=False)
+
+
+@pytest.fixture(scope="session")
+def small_world() -> World:
+    """Return a walled room of 8 x 8 m with a box, a slanted box and a pillar; its middle is free."""
+    return World(
+        name="small",
+        bounds=(-4, -4, 4, 4),
+        boxes=(
+            Box(center=(2.5, 2.0), size=(1.0, 0.6)),
+            Box(center=(-2.5, 2.0), size=(1.2, 0.3), yaw=0.7),
+        ),
+        cylinders=(Cylinder(center=(0.0, -3.0), radius=0.3),),
+    )
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Return a fresh numpy generator with a fixed seed."""
+    return np.random.default_rng(0)
+
+
+@pytest.fixture
+def torch_rng() -> torch.Generator:
+    """Return a fresh torch generator with a fixed seed."""
+    return torch.Generator().manual_seed(0)
