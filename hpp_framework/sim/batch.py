@@ -13,12 +13,10 @@ from torch import Tensor
 
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sim import batch_kernels
-from hpp_framework.sim.simulator import CONTROL_PERIOD, Simulator
+from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS, Simulator
 from hpp_framework.types import State
 from hpp_framework.worlds.slicing import PlanarMap, planar_map
 from hpp_framework.worlds.world import World
-
-SUBSTEPS = 4
 
 wp.config.log_level = wp.LOG_ERROR
 wp.init()

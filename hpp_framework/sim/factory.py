@@ -48,14 +48,12 @@ def _batch(robots: Sequence[RobotSpec], device: str, render: tuple[int, int] | N
 
 def _sapien(robots: Sequence[RobotSpec], device: str, render: tuple[int, int] | None) -> Simulator:
     if device != "cpu":
-        raise ConfigError(
-            f"the SAPIEN simulator runs on the CPU, got device '{device}'; use backend 'batch'."
-        )
+        raise ConfigError(f"the SAPIEN simulator runs on the CPU, not on '{device}'; use backend 'batch'.")
     try:
         from hpp_framework.sim.sapien import SapienSimulator
     except ImportError as error:
         raise SimulatorError(
-            f"the package 'sapien' cannot be imported: {error}. Install it with `pip install 'sapien>=3.0.3'` "
-            "(Linux x86-64, Python 3.10 or newer), or use backend 'batch'."
+            f"the package 'sapien' cannot be imported: {error}. Install it with "
+            "`pip install 'sapien>=3.0.3'` (Linux x86-64, Python 3.10 or newer), or use backend 'batch'."
         ) from error
     return SapienSimulator(robots, render=render)

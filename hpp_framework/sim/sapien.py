@@ -18,14 +18,15 @@ from torch import Tensor
 from hpp_framework.errors import SimulatorError
 from hpp_framework.robot import DriveLimits, RobotSpec
 from hpp_framework.sim.sapien_scene import ROUNDNESS, PhysicsScene, pose_of
-from hpp_framework.sim.simulator import CONTROL_PERIOD, Simulator
+from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS, Simulator
 from hpp_framework.types import State
 from hpp_framework.worlds.world import World
 
+SUBSTEP = CONTROL_PERIOD / SUBSTEPS
 TICK = 0.01
 """Seconds of a physics tick."""
 
-TICKS = round(CONTROL_PERIOD / TICK)
+TICKS = round(SUBSTEP / TICK)
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -53,7 +54,7 @@ class SapienSimulator(Simulator):
         return self.state()
 
     def step(self, commands: Float[Tensor, "b n 2"]) -> State:
-        """Drive for one control period (20 physics ticks) and cast all lidars."""
+        """Drive for one control period (4 substeps of 5 physics ticks) and cast all lidars."""
         if not self._episodes:
             raise SimulatorError("step() before reset(): reset the simulator with worlds and poses first.")
         self.check_commands(commands, len(self._episodes))
@@ -102,38 +103,54 @@ class _Episode:
 
     def drive(self, commands: Sequence[Sequence[float]]) -> None:
         self.collided = [False for _ in self.robots]
-        for _ in range(TICKS):
-            for robot, body, velocity, command in zip(
-                self.robots, self.physics.bodies, self.velocities, commands, strict=True
-            ):
-                _accelerate(robot.drive, body, velocity, command)
+        for _ in range(SUBSTEPS):
+            self._substep(commands)
+
+    def _substep(self, commands: Sequence[Sequence[float]]) -> None:
+        before = self.poses()
+        old = self.velocities
+        limits = [robot.drive for robot in self.robots]
+        self.velocities = [_accelerate(*each) for each in zip(limits, old, commands, strict=True)]
+        touched = [False for _ in self.robots]
+        for tick in range(TICKS):
+            share = (tick + 0.5) / TICKS
+            for body, start, end in zip(self.physics.bodies, old, self.velocities, strict=True):
+                _push(body, [_mix(a, b, share) for a, b in zip(start, end, strict=True)])
             self.physics.scene.step()
-            for index, touching in enumerate(self.physics.touching()):
-                if touching:
-                    self.collided[index] = True
-                    _slow_down(self.physics.bodies[index], self.velocities[index])
+            touched = [a or b for a, b in zip(touched, self.physics.touching(), strict=True)]
+        for index, (start, end) in enumerate(zip(before, self.poses(), strict=True)):
+            if touched[index]:
+                self.collided[index] = True
+                _slow_down(self.velocities[index], start, end)
 
 
-def _accelerate(drive: DriveLimits, body: Any, velocity: list[float], command: Sequence[float]) -> None:
-    """Set a body's velocity for one tick: the mean of the old and the new speed along the mean heading."""
-    v_old, w_old = velocity
+def _accelerate(drive: DriveLimits, velocity: Sequence[float], command: Sequence[float]) -> list[float]:
+    """Return the speed and turn rate wanted at the end of a substep, within the drive's limits."""
+    step_v, step_w = drive.acceleration * SUBSTEP, drive.turn_acceleration * SUBSTEP
     v_goal = _limit(command[0], *drive.speed)
     w_goal = _limit(command[1], -drive.turn_rate, drive.turn_rate)
-    v = v_old + _limit(v_goal - v_old, -drive.acceleration * TICK, drive.acceleration * TICK)
-    w = w_old + _limit(w_goal - w_old, -drive.turn_acceleration * TICK, drive.turn_acceleration * TICK)
-    ahead, turn = (v_old + v) / 2, (w_old + w) / 2
-    heading = _planar(body.entity.pose)[2] + turn * TICK / 2
-    body.set_linear_velocity([ahead * math.cos(heading), ahead * math.sin(heading), 0.0])
-    body.set_angular_velocity([0.0, 0.0, turn])
-    velocity[:] = v, w
+    return [
+        velocity[0] + _limit(v_goal - velocity[0], -step_v, step_v),
+        velocity[1] + _limit(w_goal - velocity[1], -step_w, step_w),
+    ]
 
 
-def _slow_down(body: Any, velocity: list[float]) -> None:
+def _push(body: Any, velocity: Sequence[float]) -> None:
+    """Set a body's velocity for one tick, along the heading halfway through it."""
+    v, w = velocity
+    heading = _planar(body.entity.pose)[2] + w * TICK / 2
+    body.set_linear_velocity([v * math.cos(heading), v * math.sin(heading), 0.0])
+    body.set_angular_velocity([0.0, 0.0, w])
+
+
+def _slow_down(velocity: list[float], start: Sequence[float], end: Sequence[float]) -> None:
     """Keep of the speed what contact left of it along the heading; contact never speeds a robot up."""
-    theta = _planar(body.entity.pose)[2]
-    x, y, _ = body.get_linear_velocity().tolist()
-    along = x * math.cos(theta) + y * math.sin(theta)
-    velocity[0] = _limit(along, min(velocity[0], 0.0), max(velocity[0], 0.0))
+    ahead = (end[0] - start[0]) * math.cos(end[2]) + (end[1] - start[1]) * math.sin(end[2])
+    velocity[0] = _limit(ahead / SUBSTEP, min(velocity[0], 0.0), max(velocity[0], 0.0))
+
+
+def _mix(start: float, end: float, share: float) -> float:
+    return start + (end - start) * share
 
 
 def _limit(value: float, low: float, high: float) -> float:
@@ -172,7 +189,7 @@ class _Rays:
 
 
 def _way_out(eye: npt.NDArray[np.float64], directions: npt.NDArray[np.float64], radius: float) -> FloatArray:
-    """Return how far (k,) each ray runs until it has left a disc about the origin; 0 if it misses the disc."""
+    """Return how far (k,) each ray runs until it has left a disc about the origin; 0 if it misses."""
     along = directions @ eye
     root = along**2 - (eye @ eye - radius**2)
     leaves = -along + np.sqrt(np.maximum(root, 0.0))

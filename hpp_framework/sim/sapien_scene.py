@@ -1,4 +1,4 @@
-"""PhysX scenes built from ``World`` and ``RobotSpec``: static obstacles, robots as locked-axis bodies, contacts.
+"""PhysX scenes from ``World`` and ``RobotSpec``: static obstacles, robots as locked-axis bodies, contacts.
 
 Nothing here needs a renderer, and nothing here may create a visual: SAPIEN aborts the process when a visual
 lives in a scene without a render system.

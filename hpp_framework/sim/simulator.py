@@ -27,6 +27,9 @@ from hpp_framework.worlds.world import World
 CONTROL_PERIOD = 0.2
 """Seconds between commands (paper, appendix C.1: 100 steps are 20 s)."""
 
+SUBSTEPS = 4
+"""Times a control period at which both simulators update speeds and let contact take its share of them."""
+
 
 class Simulator(ABC):
     """Steps teams in worlds and casts their lidars.
