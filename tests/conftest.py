@@ -1,4 +1,4 @@
-"""Shared by all tests: shape checking of everything the framework exports, one thread, small worlds and robots."""
+"""Shared by all tests: checked types and array shapes, one thread, robots and small worlds."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import jaxtyping
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hpp_framework", "robots/hpp_robots", "skills/hpp_skills", "tasks/hpp_tasks")
+# an int is welcome where a float is asked for, as static checkers see it
+CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
 UNCHECKED = {
     # Warp compiles the source of its kernels; wrapping them breaks that
     "hpp_framework.sim.batch_kernels",
@@ -30,7 +32,7 @@ def _modules() -> list[str]:
 # pytest itself imports the errors, to make our warnings fail tests
 _early = sorted(set(sys.modules) & set(_modules()) - {"hpp_framework.errors"})
 assert not _early, f"imported before the shape checks were switched on: {_early}"
-jaxtyping.install_import_hook(_modules(), "beartype.beartype")
+jaxtyping.install_import_hook(_modules(), CHECKER)
 
 import numpy as np  # noqa: E402  # after the hook, as above
 import pytest  # noqa: E402  # after the hook

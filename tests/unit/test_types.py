@@ -7,10 +7,10 @@ import dataclasses
 import jaxtyping
 import pytest
 import torch
+from hpp_tasks.rendezvous import Rendezvous
 
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.types import Observation, State, Trajectories
-from hpp_tasks.rendezvous import Rendezvous
 
 
 def observation(**changes):
