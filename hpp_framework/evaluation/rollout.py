@@ -1,0 +1,191 @@
+"""Runs teams of agents through episodes, all episodes of a batch side by side."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from hpp_framework.agent import Agent
+from hpp_framework.planner import MetaPlanner, PlannerContext
+from hpp_framework.registry import hub
+from hpp_framework.seeding import torch_rng
+from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.sim.simulator import Simulator
+from hpp_framework.task import Task
+from hpp_framework.team import Team
+from hpp_framework.types import Observation, State
+from hpp_framework.worlds.world import World
+
+EPISODE_STEPS = 100
+"""Control steps an episode (20 s; appendix C.1)."""
+
+LATENCY_REPEATS = 5
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """What happened; times are counted in control steps, -1 means never.
+
+    Attributes:
+        poses: true poses, from the start on.
+        goals: the goal each robot's skill had in each step.
+        done_step: step at which success had been sustained long enough.
+        contact_step: first step at which the task was met, motion aside.
+        collided: whether any robot touched anything before the episode was done.
+        plan_seconds: wall time of single plans, one episode and one agent at a time.
+    """
+
+    poses: Float[Tensor, "b t n 3"]
+    goals: Float[Tensor, "b s n 2"]
+    done_step: Int[Tensor, "b"]
+    contact_step: Int[Tensor, "b"]
+    collided: Bool[Tensor, "b"]
+    plan_seconds: list[float]
+
+    def last_step(self) -> Int[Tensor, "b"]:
+        """Return the step at which each episode ended: done, or out of time."""
+        return torch.where(self.done_step >= 0, self.done_step, self.poses.shape[1] - 1)
+
+    def spread(self) -> Float[Tensor, "b t"]:
+        """Return the mean distance between robots over time, in metres (0 for a lone robot)."""
+        xy = self.poses[..., :2]
+        count = xy.shape[2]
+        apart = (xy[:, :, :, None] - xy[:, :, None]).norm(dim=-1).sum((-1, -2))
+        return apart / max(count * (count - 1), 1)
+
+
+Watcher = Callable[[int, State, Sequence[Agent], Sequence[Observation]], None]
+"""Called after planning in each step with (step, state, agents, their observations)."""
+
+
+def build_agents(
+    team: Team,
+    planner: str,
+    task: Task,
+    *,
+    preset: str = "best",
+    bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0),
+    seed: int = 0,
+    weights: tuple[Path, ...] = (),
+) -> list[Agent]:
+    """Give every robot of a team its skill and its own planner of the named kind.
+
+    Args:
+        team: everybody.
+        planner: registered meta-planner.
+        task: the shared objective.
+        preset: of the planner.
+        bounds: of the world, metres.
+        seed: of the agents' randomness; centralised planners share one source.
+        weights: extra folders searched for predictor weights.
+    """
+    agents: list[Agent] = []
+    for index, skill in enumerate(team.skills()):
+        context = PlannerContext(
+            team=team, agent=index, task=task, preset=preset, bounds=bounds, weights=weights
+        )
+        made: MetaPlanner = hub().planners.create(planner, context)
+        rng = torch_rng(seed, "agents") if made.centralised else torch_rng(seed, "agent", index)
+        agents.append(Agent(skill, made, task, rng))
+    return agents
+
+
+def run_episodes(
+    simulator: Simulator,
+    worlds: Sequence[World],
+    starts: Float[Tensor, "b n 3"],
+    agents: Sequence[Agent],
+    task: Task,
+    *,
+    noise: NoiseModel | None = None,
+    seed: int = 0,
+    steps: int = EPISODE_STEPS,
+    watch: Watcher | None = None,
+) -> Episodes:
+    """Run one episode a world until all are done or time is up.
+
+    Args:
+        simulator: steps the robots; reset here.
+        worlds: one an episode.
+        starts: start poses.
+        agents: fresh ones, in team order.
+        task: the shared objective.
+        noise: disturbances of what agents observe.
+        seed: of the noise.
+        steps: control steps at most.
+        watch: looks on, e.g. to draw pictures.
+    """
+    state = simulator.reset(worlds, starts)
+    sensing = Sensing(simulator.robots, noise or NoiseModel(), torch_rng(seed, "sensing"))
+    sensing.reset(state)
+    score = _Score(len(worlds), task)
+    poses, goals = [state.poses], list[Tensor]()
+    plan_seconds = _latencies([sensing.observe(i) for i in range(len(agents))], agents)
+    for step in range(steps):
+        observations = [sensing.observe(i) for i in range(len(agents))]
+        commands = torch.stack([agent.act(o) for agent, o in zip(agents, observations, strict=True)], 1)
+        goals.append(torch.stack([a.belief.goal for a in agents if a.belief is not None], 1))
+        if watch:
+            watch(step, state, agents, observations)
+        state = simulator.step(commands)
+        sensing.update(state)
+        poses.append(state.poses)
+        score.update(step + 1, state)
+        if bool((score.done_step >= 0).all()):
+            break
+    if watch:
+        watch(len(goals), state, agents, [sensing.observe(i) for i in range(len(agents))])
+    return Episodes(
+        poses=torch.stack(poses, 1).cpu(),
+        goals=torch.stack(goals, 1).cpu(),
+        done_step=score.done_step,
+        contact_step=score.contact_step,
+        collided=score.collided,
+        plan_seconds=plan_seconds,
+    )
+
+
+class _Score:
+    """Judges episodes by their true state."""
+
+    def __init__(self, episodes: int, task: Task) -> None:
+        self.task = task
+        self.done_step = torch.full((episodes,), -1)
+        self.contact_step = torch.full((episodes,), -1)
+        self.collided = torch.zeros(episodes, dtype=torch.bool)
+        self._sustained = torch.zeros(episodes, dtype=torch.int64)
+
+    def update(self, step: int, state: State) -> None:
+        running = self.done_step < 0
+        self.collided |= state.collided.any(1).cpu() & running
+        met = self.task.met(state.poses).cpu() & (self.contact_step < 0) & running
+        self.contact_step[met] = step
+        done = self.task.done(state.poses, state.velocities).cpu()
+        self._sustained = torch.where(done, self._sustained + 1, 0)
+        self.done_step[running & (self._sustained >= self.task.sustain_steps)] = step
+
+
+def _latencies(observations: Sequence[Observation], agents: Sequence[Agent]) -> list[float]:
+    """Time single plans on the first episode; agents' state and randomness stay untouched."""
+    seconds: list[float] = []
+    for agent, observation in zip(agents, observations, strict=True):
+        alone = Observation(
+            observation.agent, observation.poses[:1], observation.scans[:1], observation.velocity[:1]
+        )
+        for _ in range(LATENCY_REPEATS):
+            started = time.perf_counter()
+            agent.planner.plan(alone, None, torch.Generator().manual_seed(0))
+            seconds.append(time.perf_counter() - started)
+    return seconds
+
+
+def median_ms(seconds: Sequence[float]) -> float:
+    """Return the median in milliseconds."""
+    return float(np.median(seconds) * 1e3) if seconds else float("nan")

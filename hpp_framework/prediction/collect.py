@@ -1,0 +1,207 @@
+"""Data collection by self-supervision: teams drive to common random goals with their own skills (section 4.1).
+
+A data set is a folder: ``meta.json`` and numbered chunks, each a folder of ``.npy`` files that can be mapped
+into memory. A chunk depends on the seed and its number only, so collection can stop and resume anywhere.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.seeding import numpy_rng, torch_rng
+from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.skill import Skill
+from hpp_framework.team import Team
+from hpp_framework.worlds.pool import WorldPool, build_pool
+
+FORMAT = 1
+SCAN_UNIT = 0.001
+"""Scans are stored as unsigned 16-bit millimetres: an error of at most 0.5 mm, up to 65 m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collection:
+    """How a data set is made.
+
+    Attributes:
+        trajectories: how many, rounded up to whole chunks (50,000 in the paper).
+        steps: control steps a trajectory (100 in the paper).
+        chunk: trajectories a chunk, simulated side by side.
+        worlds: different worlds a chunk.
+        world: registered world they are drawn from.
+        near_share: share of goals drawn within ``near_radius`` of the team instead of anywhere.
+        near_radius: in metres.
+        switch_share: share of trajectories whose goal changes once, between steps 10 and 50, as a planner's does.
+        start_distance: nearest and farthest neighbour at the start, in metres.
+        seed: of everything.
+    """
+
+    trajectories: int = 50_000
+    steps: int = 100
+    chunk: int = 500
+    worlds: int = 50
+    world: str = "training"
+    near_share: float = 0.6
+    near_radius: float = 5.0
+    switch_share: float = 0.5
+    start_distance: tuple[float, float] = (1.5, 8.0)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("trajectories", "steps", "chunk", "worlds"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"collection: {name} must be at least 1, got {getattr(self, name)}.")
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-self.trajectories // self.chunk)
+
+
+def collect(team: Team, config: Collection, out: Path) -> Iterator[int]:
+    """Write a data set chunk by chunk; chunks that are there already are kept.
+
+    Args:
+        team: who drives.
+        config: how.
+        out: folder; created, or resumed if it holds the same collection.
+
+    Yields:
+        Trajectories on disk so far.
+
+    Raises:
+        ConfigError: if ``out`` holds another collection.
+    """
+    meta = describe(team, config)
+    _open_folder(out, meta)
+    skills = team.skills()
+    for index in range(config.chunks):
+        target = out / f"chunk-{index:05d}"
+        if not target.exists():
+            _write_chunk(target, _simulate(team, skills, config, index))
+        yield min((index + 1) * config.chunk, config.chunks * config.chunk)
+
+
+def describe(team: Team, config: Collection) -> dict[str, Any]:
+    """Return the metadata of a data set (JSON-compatible)."""
+    members = [
+        {"id": m.id, "robot": m.robot.name, "skill": m.skill, "beams": m.robot.lidar.beams} for m in team.members
+    ]
+    settings = json.loads(json.dumps(asdict(config)))
+    settings.pop("trajectories")  # a collection may be extended
+    return {"format": FORMAT, "team": members, "period": CONTROL_PERIOD, "collection": settings}
+
+
+def _open_folder(out: Path, meta: dict[str, Any]) -> None:
+    file = out / "meta.json"
+    if file.exists():
+        found = json.loads(file.read_text())
+        different = [key for key in meta if found.get(key) != meta[key]]
+        if different:
+            raise ConfigError(
+                f"'{out}' holds another collection ({', '.join(different)} differ). Choose another --out, or the "
+                "same team, seed and settings to extend it."
+            )
+        return
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(meta, indent=2) + "\n")
+    except OSError as error:
+        raise ConfigError(f"cannot write to '{out}': {error}. Choose another --out.") from error
+
+
+def _write_chunk(target: Path, arrays: dict[str, npt.NDArray[Any]]) -> None:
+    temporary = target.with_suffix(".tmp")
+    shutil.rmtree(temporary, ignore_errors=True)
+    try:
+        temporary.mkdir(parents=True)
+        for name, array in arrays.items():
+            np.save(temporary / f"{name}.npy", array)
+        temporary.replace(target)
+    except OSError as error:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise ConfigError(f"cannot write '{target}': {error}. Earlier chunks are kept; free space and resume.") from error
+
+
+def _simulate(team: Team, skills: list[Skill], config: Collection, index: int) -> dict[str, npt.NDArray[Any]]:
+    """Return poses (c, t, n, 3), scans (c, t, n, k) in millimetres, goals (c, t, 2), world (c,)."""
+    rng = numpy_rng(config.seed, "collect", index)
+    pool = build_pool(config.world, config.worlds, team.robots, seed=int(rng.integers(2**62)))
+    world = rng.integers(len(pool), size=config.chunk)
+    starts = _starts(pool, world, len(team), config, rng)
+    goals = _goals(pool, world, starts, config, rng)
+    simulator = BatchSimulator(team.robots)
+    simulator.load(pool.worlds, episodes=config.chunk)
+    everyone = torch.ones(config.chunk, len(team), dtype=torch.bool)
+    state = simulator.place(torch.from_numpy(world).to(torch.int32), everyone, starts)
+    sensing = Sensing(team.robots, NoiseModel(), torch_rng(config.seed, "sensing", index))
+    sensing.reset(state)
+    poses = np.zeros((config.chunk, config.steps, len(team), 3), np.float32)
+    scans = np.zeros((config.chunk, config.steps, len(team), simulator.beams), np.uint16)
+    for step in range(config.steps):
+        poses[:, step] = state.poses.numpy()
+        scans[:, step] = (state.scans / SCAN_UNIT).round().numpy().astype(np.uint16)
+        goal = goals[:, step]
+        commands = [skill.act(sensing.observe(i), goal) for i, skill in enumerate(skills)]
+        state = simulator.step(torch.stack(commands, 1))
+        sensing.update(state)
+    first = index * config.worlds
+    return {"poses": poses, "scans": scans, "goals": goals.numpy(), "world": (world + first).astype(np.int64)}
+
+
+def _starts(
+    pool: WorldPool, world: npt.NDArray[np.int64], count: int, config: Collection, rng: np.random.Generator
+) -> Float[Tensor, "c n 3"]:
+    points = pool.points[world]
+    rows = np.arange(len(world))
+    chosen = [points[rows, rng.integers(points.shape[1], size=len(world))]]
+    low, high = config.start_distance
+    while len(chosen) < count:
+        candidates = points[rows[:, None], rng.integers(points.shape[1], size=(len(world), 64))]
+        gaps = np.linalg.norm(candidates[:, :, None] - np.stack(chosen, 1)[:, None], axis=-1)
+        suitable = (gaps.min(-1) >= low) & (gaps[:, :, 0] <= high)
+        # where no candidate suits, the one farthest from everybody
+        fallback = gaps.min(-1).argmax(1)
+        first = np.where(suitable.any(1), suitable.argmax(1), fallback)
+        chosen.append(candidates[rows, first])
+    heading = rng.uniform(-np.pi, np.pi, (len(world), count, 1))
+    return torch.from_numpy(np.concatenate([np.stack(chosen, 1), heading], -1).astype(np.float32))
+
+
+def _goals(
+    pool: WorldPool,
+    world: npt.NDArray[np.int64],
+    starts: Float[Tensor, "c n 3"],
+    config: Collection,
+    rng: np.random.Generator,
+) -> Float[Tensor, "c t 2"]:
+    """Draw common goals, not guaranteed to be free, as in appendix C.3; some change once on the way."""
+    bounds = np.array([w.bounds for w in pool.worlds])[world]
+    middle = starts[..., :2].mean(1).numpy()
+
+    def draw() -> npt.NDArray[np.float64]:
+        anywhere = rng.uniform(bounds[:, :2], bounds[:, 2:])
+        angle = rng.uniform(-np.pi, np.pi, len(world))
+        radius = config.near_radius * np.sqrt(rng.random(len(world)))
+        near = middle + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+        return np.where(rng.random((len(world), 1)) < config.near_share, near, anywhere)
+
+    first, second = draw(), draw()
+    switches = rng.random(len(world)) < config.switch_share
+    switch_at = np.where(switches, rng.integers(10, 51, len(world)), config.steps)
+    late = np.arange(config.steps)[None] >= switch_at[:, None]
+    return torch.from_numpy(np.where(late[..., None], second[:, None], first[:, None]).astype(np.float32))

@@ -1,0 +1,76 @@
+"""Finds the weights of motion models and refuses those made for other robots, lidars or histories."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from torch import nn
+
+from hpp_framework.checkpoints import load_checkpoint, load_into
+from hpp_framework.errors import CheckpointError
+from hpp_framework.predictor import PredictorRequest
+from hpp_framework.registry import hub
+from hpp_framework.robot import RobotSpec
+from hpp_framework.sensing import HISTORY
+from hpp_framework.team import Member
+
+
+def file_name(agent: Member, subject: Member, *, own: bool) -> str:
+    """Return the file name of the model by which ``agent`` predicts ``subject`` (or itself)."""
+    return f"self-{agent.robot.name}" if own else f"other-{agent.robot.name}-{subject.robot.name}"
+
+
+def expected_metadata(kind: str, agent: Member, subject: Member, *, own: bool) -> dict[str, Any]:
+    """Return what weights must say of themselves to fit."""
+    return {
+        "predictor": kind,
+        "role": "self" if own else "other",
+        "agent": agent.robot.name,
+        "agent_skill": agent.skill,
+        "subject": subject.robot.name,
+        "subject_skill": subject.skill,
+        "beams": agent.robot.lidar.beams,
+        "history": HISTORY,
+    }
+
+
+def load_models(kind: str, request: PredictorRequest, build: Callable[[RobotSpec], nn.Module]) -> list[nn.Module]:
+    """Load the model of every robot of a team, as seen by one agent.
+
+    Args:
+        kind: registered predictor name, also the folder name.
+        request: who predicts whom.
+        build: makes the empty network for the predicting agent's robot.
+
+    Returns:
+        One network a robot, in team order.
+
+    Raises:
+        CheckpointError: if weights are missing or made for something else.
+    """
+    members = request.team.members
+    agent = members[request.agent]
+    folders = [*request.folders, *(entry.factory()() for entry in hub().checkpoints)]
+    models: list[nn.Module] = []
+    for index, subject in enumerate(members):
+        own = index == request.agent
+        file = _find(folders, kind, file_name(agent, subject, own=own))
+        weights, _ = load_checkpoint(file, expected_metadata(kind, agent, subject, own=own))
+        model = build(agent.robot)
+        load_into(model, weights, file)
+        models.append(model.eval())
+    return models
+
+
+def _find(folders: list[Path], kind: str, name: str) -> Path:
+    for folder in folders:
+        file = folder / kind / f"{name}.safetensors"
+        if file.is_file():
+            return file
+    searched = ", ".join(f"'{folder / kind}'" for folder in folders) or "no folder"
+    raise CheckpointError(
+        f"no weights '{name}.safetensors' of predictor '{kind}' found in {searched}. Train them: "
+        "hpp collect, then hpp train predictor (see --help)."
+    )
