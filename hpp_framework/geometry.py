@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from types import ModuleType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,17 +15,19 @@ import torch
 from torch import Tensor
 
 Array = TypeVar("Array", Tensor, npt.NDArray[np.floating])
+# one element of a numpy array is a scalar, not an array
+Angle = TypeVar("Angle", Tensor, npt.NDArray[np.floating], np.floating)
 
 
-def _lib(array: Tensor | npt.NDArray[np.floating]) -> ModuleType:
+def _lib(array: object) -> ModuleType:
     return torch if isinstance(array, Tensor) else np
 
 
-def _stack(parts: list[Array]) -> Array:
+def _stack(parts: list[Any]) -> Any:
     return _lib(parts[0]).stack(parts, -1)
 
 
-def wrap_angle(angle: Array) -> Array:
+def wrap_angle(angle: Angle) -> Angle:
     """Wrap angles in radians into [-pi, pi)."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Self
+from typing import TypeVar
 
 import torch
 from jaxtyping import Float
@@ -29,6 +29,10 @@ CONTROL_PERIOD = 0.2
 
 SUBSTEPS = 4
 """Times a control period at which both simulators update speeds and let contact take its share of them."""
+
+
+# not typing.Self, which beartype takes only on whole classes
+S = TypeVar("S", bound="Simulator")
 
 
 class Simulator(ABC):
@@ -63,7 +67,7 @@ class Simulator(ABC):
         """Free what the simulator holds; safe to call twice."""
         return
 
-    def __enter__(self) -> Self:
+    def __enter__(self: S) -> S:
         return self
 
     def __exit__(
