@@ -17,6 +17,8 @@ from torch import Tensor
 
 from hpp_framework.errors import SimulatorError
 from hpp_framework.robot import DriveLimits, RobotSpec
+from hpp_framework.sim.sapien_camera import SceneCamera, team_view
+from hpp_framework.sim.sapien_render import rendering_problem
 from hpp_framework.sim.sapien_scene import ROUNDNESS, PhysicsScene, pose_of
 from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS, Simulator
 from hpp_framework.types import State
@@ -37,13 +39,21 @@ class SapienSimulator(Simulator):
     Args:
         robots: the team.
         render: (width, height) of :meth:`picture` in pixels, or None for physics only.
+
+    Raises:
+        SimulatorError: if pictures are asked for and SAPIEN cannot draw on this machine.
     """
 
     def __init__(self, robots: Sequence[RobotSpec], *, render: tuple[int, int] | None = None) -> None:
         super().__init__(robots)
+        problem = rendering_problem() if render is not None else None
+        if problem is not None:
+            raise SimulatorError(problem)
         self._render = render
         self._rays = [_Rays(robot) for robot in self.robots]
         self._episodes: list[_Episode] = []
+        self._starts = torch.zeros(0)
+        self._cameras: dict[int, SceneCamera] = {}
 
     def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
         """Build a scene a world and put the robots at rest at the given poses."""
@@ -51,6 +61,8 @@ class SapienSimulator(Simulator):
         self._episodes = [_Episode(world, self.robots) for world in worlds]
         for episode, start in zip(self._episodes, poses.tolist(), strict=True):
             episode.place(start)
+        self._starts = poses.detach().clone()
+        self._cameras.clear()
         return self.state()
 
     def step(self, commands: Float[Tensor, "b n 2"]) -> State:
@@ -72,9 +84,26 @@ class SapienSimulator(Simulator):
             collided=torch.tensor([episode.collided for episode in self._episodes]),
         )
 
+    def picture(self, episode: int = 0) -> npt.NDArray[np.uint8]:
+        """Return a picture (height, width, 3), red green blue, of one episode, in the view of its start.
+
+        Raises:
+            SimulatorError: if the simulator was built without ``render``, or there is no such episode.
+        """
+        if self._render is None:
+            raise SimulatorError("no pictures: build the simulator with render=(width, height).")
+        if not 0 <= episode < len(self._episodes):
+            raise SimulatorError(f"there is no episode {episode}; {len(self._episodes)} are running.")
+        current = self._episodes[episode]
+        if episode not in self._cameras:
+            view = team_view(current.world, self._starts[episode], size=self._render)
+            self._cameras[episode] = SceneCamera(current.world, self.robots, view, size=self._render)
+        return self._cameras[episode].picture(np.array(current.poses()))
+
     def close(self) -> None:
         """Drop all scenes."""
         self._episodes = []
+        self._cameras.clear()
 
     def _scan(self, episode: _Episode) -> FloatArray:
         out = np.empty((len(self.robots), self.beams), np.float32)

@@ -99,7 +99,7 @@ class PhysicsScene:
             reach: longest distance looked for, in metres.
         """
         out = np.full(len(origins), reach, np.float32)
-        cast = self.system.raycast
+        cast: Any = self.system.raycast
         for k, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
             hit = cast(origin, direction, reach)
             if hit is not None:

@@ -1,0 +1,176 @@
+"""A camera on a world and its team: 3-D pictures of poses from either simulator.
+
+It owns a scene of visuals only, so that pictures never touch the physics::
+
+    camera = SceneCamera(world, robots, team_view(world, state.poses[0]))
+    image = camera.picture(state.poses[0])
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from torch import Tensor
+
+from hpp_framework.errors import ConfigError, SimulatorError
+from hpp_framework.robot import RobotSpec
+from hpp_framework.sim.sapien_render import rendering_problem
+from hpp_framework.sim.sapien_scene import sapien
+from hpp_framework.sim.sapien_visuals import SUN, RobotVisual, add_world
+from hpp_framework.worlds.world import World
+
+SHADERS = Path(__file__).parent / "shaders" / "lambert"
+SIZE = (960, 720)
+FIELD_OF_VIEW = 0.65
+"""Vertical, in radians."""
+
+ELEVATION = math.radians(42.0)
+"""Angle at which the camera looks down: over a 1 m wall onto robots close behind it."""
+
+SIDESTEP = math.radians(14.0)
+"""How far the camera is turned off the perpendicular of the team's line, so that boxes show two sides."""
+
+WIDTH = 8.0
+"""Least width in metres that the team's view shows at its centre."""
+
+MARGIN = 1.4
+"""Metres kept free at the sides of the outermost robots."""
+
+OVERSAMPLING = 2
+"""Pixels drawn per picture pixel, each way; smooths edges."""
+
+_AMBIENT = (0.46, 0.48, 0.52)
+_SUNLIGHT = (0.54, 0.52, 0.48)
+_SKY = np.array([[226, 231, 238], [196, 204, 214]], np.float32)
+"""Background at the top and at the bottom of a picture."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Where a camera stands and what it looks at.
+
+    Attributes:
+        eye: (x, y, z) in metres.
+        target: (x, y, z) in metres; not straight below or above the eye.
+        field_of_view: vertical, in radians.
+    """
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    field_of_view: float = FIELD_OF_VIEW
+
+
+def team_view(
+    world: World, poses: Tensor | npt.NDArray[np.floating], *, size: tuple[int, int] = SIZE
+) -> View:
+    """Choose a view from above and aside that shows a team and what lies between its robots.
+
+    The team's longest line runs across the picture. Of the two sides the camera takes the one nearer to the
+    middle of the room.
+
+    Args:
+        world: for its bounds.
+        poses: (n, 3) or (n, 2) poses to be seen, for example the start.
+        size: (width, height) of the picture in pixels.
+    """
+    points = np.asarray(poses, np.float64)[:, :2]
+    gaps = points[:, None] - points[None]
+    first, second = np.unravel_index(np.linalg.norm(gaps, axis=-1).argmax(), gaps.shape[:2])
+    spread = gaps[first, second]
+    length = float(np.linalg.norm(spread))
+    center = (points[first] + points[second]) / 2
+    along = math.atan2(spread[1], spread[0]) if length > 0.1 else 0.0
+    half_angle = math.atan(math.tan(FIELD_OF_VIEW / 2) * size[0] / size[1])
+    distance = max(WIDTH, length + 2 * MARGIN) / 2 / math.tan(half_angle)
+    middle = np.array([world.bounds[0] + world.bounds[2], world.bounds[1] + world.bounds[3]]) / 2
+    eyes = [
+        center + distance * math.cos(ELEVATION) * np.array([math.cos(angle), math.sin(angle)])
+        for angle in (along - math.pi / 2 + SIDESTEP, along + math.pi / 2 + SIDESTEP)
+    ]
+    eye = min(eyes, key=lambda place: float(np.linalg.norm(place - middle)))
+    return View(
+        eye=(float(eye[0]), float(eye[1]), distance * math.sin(ELEVATION)),
+        target=(float(center[0]), float(center[1]), 0.2),
+    )
+
+
+class SceneCamera:
+    """Draws a world and a team at given poses.
+
+    Args:
+        world: what stands around.
+        robots: the team.
+        view: where the camera stands.
+        size: (width, height) of pictures in pixels.
+
+    Raises:
+        SimulatorError: if SAPIEN cannot draw on this machine; says what to do.
+        ConfigError: if the size is not positive, or a mesh file cannot be used.
+    """
+
+    def __init__(
+        self, world: World, robots: Sequence[RobotSpec], view: View, *, size: tuple[int, int] = SIZE
+    ) -> None:
+        if min(size) < 1:
+            raise ConfigError(f"a picture needs a width and a height of at least 1 pixel, got {size}.")
+        problem = rendering_problem()
+        if problem is not None:
+            raise SimulatorError(problem)
+        self.size = size
+        _keep_engine()
+        # what a render system draws is its own: one for each scene
+        self._scene: Any = sapien.Scene([sapien.render.RenderSystem()])
+        self._scene.set_ambient_light(_AMBIENT)
+        self._scene.add_directional_light(SUN, _SUNLIGHT)
+        add_world(self._scene, world)
+        self._robots = [RobotVisual(self._scene, robot) for robot in robots]
+        width, height = (side * OVERSAMPLING for side in size)
+        self._camera = sapien.render.RenderCameraComponent(width, height, str(SHADERS))
+        self._camera.set_fovy(view.field_of_view, compute_x=True)
+        self._camera.set_near(0.05)
+        self._camera.set_far(200.0)
+        entity = sapien.Entity()
+        entity.add_component(self._camera)
+        entity.set_pose(_looking(view))
+        self._scene.add_entity(entity)
+
+    def picture(self, poses: Tensor | npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
+        """Return a picture (height, width, 3), red green blue, of the team at poses (n, 3)."""
+        for robot, (x, y, theta) in zip(self._robots, np.asarray(poses).tolist(), strict=True):
+            robot.place(x, y, theta)
+        self._scene.update_render()
+        self._camera.take_picture()
+        drawn = np.asarray(self._camera.get_picture("Color"))
+        small = cv2.resize(drawn, self.size, interpolation=cv2.INTER_AREA)
+        share = np.linspace(0, 1, self.size[1], dtype=np.float32)[:, None, None]
+        sky = _SKY[0] * (1 - share) + _SKY[1] * share
+        covered = np.clip(small[..., 3:], 0, 1)
+        image = np.clip(small[..., :3], 0, 1) * 255 * covered + sky * (1 - covered)
+        return image.round().astype(np.uint8)
+
+
+@cache
+def _keep_engine() -> Any:
+    """Hold one render system while this process lives: dropping the last one costs the next seconds."""
+    sapien.render.set_camera_shader_dir(str(SHADERS))
+    return sapien.render.RenderSystem()
+
+
+def _looking(view: View) -> Any:
+    """Return the pose of a camera (x ahead, y left, z up)."""
+    ahead = np.subtract(view.target, view.eye)
+    ahead = ahead / np.linalg.norm(ahead)
+    left = np.cross([0.0, 0.0, 1.0], ahead)
+    left /= np.linalg.norm(left)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([ahead, left, np.cross(ahead, left)], axis=1)
+    matrix[:3, 3] = view.eye
+    return sapien.Pose(matrix)
