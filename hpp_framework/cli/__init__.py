@@ -1,1 +1,1 @@
-"""See the package documentation."""
+"""The command line ``hpp``: one file a command."""

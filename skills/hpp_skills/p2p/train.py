@@ -12,12 +12,15 @@ from stable_baselines3 import PPO
 
 from hpp_framework.checkpoints import load_checkpoint, load_into, save_checkpoint
 from hpp_framework.envs.point_to_point import PointToPoint, PointToPointVectorEnv
+from hpp_framework.evaluation.skill import evaluate_skill
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
+from hpp_framework.seeding import child_seed
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.skill import SkillTraining
 from hpp_framework.training.ppo import PpoConfig, actor_modules, train_ppo
 from hpp_skills.p2p.network import FEATURES, HIDDEN, Encoder, PolicyNetwork
+from hpp_skills.p2p.skill import PointToPoint as PointToPointSkill
 from hpp_skills.p2p.skill import expected_metadata
 
 ROBOTS = 512
@@ -52,6 +55,8 @@ def train(config: SkillTraining) -> Path:
         initial=partial(_start_from, config.init, robot) if config.init else None,
     )
     file = config.out / f"{robot.name}.safetensors"
+    network = export(model, robot)
+    score = evaluate_skill(PointToPointSkill(network), robot, seed=child_seed(config.seed, "unseen worlds"))
     metadata = {
         **expected_metadata(robot),
         "command": f"hpp train skill p2p --robot {robot.name} --steps {config.steps} --seed {config.seed}",
@@ -63,8 +68,9 @@ def train(config: SkillTraining) -> Path:
         "noise": asdict(NOISE),
         "problem": asdict(PointToPoint()),
         "ppo": asdict(ppo),
+        "unseen_worlds": asdict(score),
     }
-    save_checkpoint(file, export(model, robot).state_dict(), metadata)
+    save_checkpoint(file, network.state_dict(), metadata)
     (config.out / "resume.zip").unlink(missing_ok=True)
     return file
 

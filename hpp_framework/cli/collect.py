@@ -1,0 +1,50 @@
+"""``hpp collect``: gather motion data of a team."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.progress import Progress
+
+from hpp_framework.cli.options import check_folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collect:
+    """Let a team drive to common random goals in random rooms and record it, to train predictors from.
+
+    Resumes or extends a folder that holds the same collection.
+    """
+
+    team: str = "fetch,freight"
+    """Robots, separated by commas."""
+    trajectories: int = 10_000
+    """How many (50,000 in the paper)."""
+    world: str = "training"
+    """Registered world that rooms are drawn from."""
+    skill: str = "p2p"
+    """Registered skill of every robot."""
+    seed: int = 0
+    """Seed of rooms, starts and goals."""
+    out: Path = Path("data/fetch,freight")
+    """Folder to write to."""
+
+    def run(self) -> None:
+        """Collect with a progress bar."""
+        import torch
+
+        from hpp_framework.prediction.collect import Collection, collect
+        from hpp_framework.registry import hub
+        from hpp_framework.team import parse_team
+
+        hub().worlds.entry(self.world)
+        team = parse_team(self.team, skill=self.skill)
+        config = Collection(trajectories=self.trajectories, world=self.world, seed=self.seed)
+        check_folder(self.out)
+        torch.set_num_threads(1)
+        with Progress() as progress:
+            bar = progress.add_task("trajectories", total=config.chunks * config.chunk)
+            for done in collect(team, config, self.out):
+                progress.update(bar, completed=done)
+        print(f"data: {self.out}")

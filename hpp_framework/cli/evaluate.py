@@ -1,0 +1,92 @@
+"""``hpp evaluate``: compare planners over worlds, with intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from hpp_framework.cli.options import Noise, names
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Run many episodes of each planner in each world and report success with 95 % intervals.
+
+    Writes ``episodes.csv`` (a row an episode), ``summary.json`` and ``config.json`` into --out. Interrupted runs
+    resume: repeat the same command.
+    """
+
+    worlds: str = "simple,wall,navigation"
+    """Registered worlds or YAML files, separated by commas."""
+    planners: str = "hpp,centralized-mp,centralized-oa,centralized-rp"
+    """Registered planners, separated by commas."""
+    team: str = "fetch,freight"
+    """Robots, separated by commas; 'id=robot' names one."""
+    preset: str = "best"
+    """Preset of the planners: paper or best."""
+    backend: Literal["batch", "sapien"] = "batch"
+    """Simulator."""
+    episodes: int = 100
+    """Episodes a world and planner."""
+    seed: int = 0
+    """Seed of worlds, starts and agents."""
+    out: Path = Path("out/evaluate")
+    """Folder to write to."""
+    task: str = "rendezvous"
+    """Registered task."""
+    skill: str = "p2p"
+    """Registered skill of every robot."""
+    weights: str = ""
+    """Extra folders searched for predictor weights, separated by commas."""
+    noise: Noise = field(default_factory=Noise)
+    """Disturbances of what agents observe."""
+
+    def run(self) -> None:
+        """Run the experiment and print its summary."""
+        from hpp_framework.evaluation.experiment import Experiment, run_experiment
+
+        experiment = Experiment(
+            worlds=names(self.worlds, "--worlds"),
+            planners=names(self.planners, "--planners"),
+            team=self.team,
+            preset=self.preset,
+            backend=self.backend,
+            episodes=self.episodes,
+            seed=self.seed,
+            task=self.task,
+            skill=self.skill,
+            noise=self.noise.model(),
+            weights=names(self.weights, "--weights") if self.weights else (),
+        )
+        with Progress(transient=True) as progress:
+            bars: dict[str, Any] = {}
+
+            def report(cell: str, done: int, total: int) -> None:
+                if cell not in bars:
+                    bars[cell] = progress.add_task(cell, total=total)
+                progress.update(bars[cell], completed=done)
+
+            summary = run_experiment(experiment, self.out, progress=report)
+        Console().print(summary_table(summary))
+        print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
+
+
+def summary_table(summary: list[dict[str, Any]]) -> Table:
+    """Return the summary as a table."""
+    table = Table(box=None)
+    for column in ("world", "planner", "success", "95 % interval", "contact", "time s", "collided", "distance m", "ms"):
+        table.add_column(column, justify="left" if column in ("world", "planner") else "right")
+    for row in summary:
+        time = "-" if row["time_median_s"] is None else f"{row['time_median_s']:.1f}"
+        table.add_row(
+            row["world"], row["planner"], f"{row['success']:.2f}",
+            f"{row['success_low']:.2f} .. {row['success_high']:.2f}", f"{row['first_contact']:.2f}", time,
+            f"{row['collision_episodes']}/{row['episodes']}", f"{row['final_distance_mean_m']:.2f}",
+            f"{row['plan_ms_median']:.1f}",
+        )  # fmt: skip
+    return table

@@ -1,0 +1,58 @@
+"""Entry point of ``hpp``: parses the command, runs it, and turns errors into one clear line."""
+
+from __future__ import annotations
+
+import errno
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
+
+from hpp_framework.cli.collect import Collect
+from hpp_framework.cli.doctor import Doctor
+from hpp_framework.cli.evaluate import Evaluate
+from hpp_framework.cli.list import List
+from hpp_framework.cli.run import Run
+from hpp_framework.cli.train import Train
+from hpp_framework.errors import HppError
+
+Command = (
+    Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[List, tyro.conf.subcommand("list")]
+    | Annotated[Collect, tyro.conf.subcommand("collect")]
+    | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+)
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run ``hpp``; exits with 0, 2 for wrong input, 130 when interrupted, 1 for a full disk and the like."""
+    command = tyro.cli(
+        Command,  # type: ignore[arg-type]  # a union of types is what tyro wants
+        prog="hpp",
+        description="Teams of mobile robots that coordinate without talking.",
+        args=arguments,
+        config=(tyro.conf.FlagConversionOff,),
+    )
+    try:
+        command.run()
+    except HppError as error:
+        _fail(str(error), BAD_INPUT)
+    except KeyboardInterrupt:
+        _fail("interrupted. What was finished is kept; the same command resumes.", INTERRUPTED)
+    except BrokenPipeError:
+        sys.exit(0)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EDQUOT):
+            raise
+        _fail(f"cannot write '{error.filename or 'the output'}': {error.strerror}. Choose another --out.", 1)
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"hpp: {message}", file=sys.stderr)
+    sys.exit(code)

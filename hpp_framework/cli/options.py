@@ -1,0 +1,55 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.sensing import NoiseModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Disturbances of what agents observe."""
+
+    pose: float = 0.0
+    """Standard deviation of observed positions, in metres."""
+    heading: float = 0.0
+    """Standard deviation of observed headings, in radians."""
+    lidar: float = 0.0
+    """Standard deviation of ranges, in metres (the real sensor: 0.02)."""
+    dropout: float = 0.0
+    """Share of beams that miss."""
+
+    def model(self) -> NoiseModel:
+        """Return the noise model."""
+        return NoiseModel(
+            position_std=self.pose, heading_std=self.heading, scan_std=self.lidar, dropout=self.dropout
+        )
+
+
+def names(text: str, option: str) -> tuple[str, ...]:
+    """Split a comma-separated list.
+
+    Raises:
+        ConfigError: if an entry is empty or comes twice.
+    """
+    items = tuple(item.strip() for item in text.split(","))
+    if not all(items):
+        raise ConfigError(f"{option} '{text}' has an empty entry; separate names by single commas.")
+    twice = next((item for item in items if items.count(item) > 1), None)
+    if twice:
+        raise ConfigError(f"{option} names '{twice}' twice.")
+    return items
+
+
+def check_folder(out: Path) -> None:
+    """Raise :class:`ConfigError` early if a folder cannot be created and written to."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        probe = out / ".write-test"
+        probe.write_text("x")
+        probe.unlink()
+    except OSError as error:
+        raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error
