@@ -6,6 +6,7 @@ sub-environments share a world and are moving obstacles to each other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,17 +18,26 @@ from gymnasium.vector import AutoresetMode
 from torch import Tensor
 
 from hpp_framework import geometry
-from hpp_framework.errors import ConfigError
+from hpp_framework.envs.spaces import (
+    MAX_GOAL_DISTANCE,
+    command_space,
+    from_unit,
+    goal_space,
+    scan_space,
+    unit_space,
+)
+from hpp_framework.errors import ConfigError, SimulatorError
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import torch_rng
+from hpp_framework.seeding import child_seed, torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.types import State
 from hpp_framework.worlds.pool import WorldPool, build_pool
+from hpp_framework.worlds.world import World
 
 CANDIDATES = 16
-MAX_GOAL_DISTANCE = 60.0
+"""Free points that starts and goals are picked from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,30 +73,8 @@ class PointToPoint:
 
 def observation_space(robot: RobotSpec) -> gym.spaces.Dict:
     """Return the space of one robot: scan (m), goal (distance m, bearing rad), velocity (m/s, rad/s)."""
-    lidar, drive = robot.lidar, robot.drive
-    wide = np.float32(np.pi)
     return gym.spaces.Dict(
-        {
-            "scan": gym.spaces.Box(lidar.min_range, lidar.max_range, (lidar.beams,), np.float32),
-            "goal": gym.spaces.Box(
-                np.array([0, -wide], np.float32), np.array([MAX_GOAL_DISTANCE, wide], np.float32), dtype=np.float32
-            ),
-            "velocity": gym.spaces.Box(
-                np.array([drive.speed[0], -drive.turn_rate], np.float32),
-                np.array([drive.speed[1], drive.turn_rate], np.float32),
-                dtype=np.float32,
-            ),
-        }
-    )
-
-
-def action_space(robot: RobotSpec) -> gym.spaces.Box:
-    """Return the space of commands: forward speed (m/s) and turn rate (rad/s)."""
-    drive = robot.drive
-    return gym.spaces.Box(
-        np.array([drive.speed[0], -drive.turn_rate], np.float32),
-        np.array([drive.speed[1], drive.turn_rate], np.float32),
-        dtype=np.float32,
+        {"scan": scan_space(robot), "goal": goal_space(), "velocity": command_space(robot)}
     )
 
 
@@ -103,9 +91,13 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         noise: disturbances of scans and poses.
         seed: of the pool of worlds.
         device: torch device.
+        pool: worlds drawn already, instead of ``world``, ``pool_size`` and ``seed``.
+        unit_actions: whether actions lie in [-1, 1] and are scaled to the drive limits, or are m/s and rad/s.
+        autoreset: whether a robot whose episode ended begins the next in the same step (Gymnasium's
+            ``SAME_STEP``); else everybody waits for :meth:`reset`.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012  # Gymnasium's own form
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012  # Gymnasium's own form
 
     def __init__(
         self,
@@ -120,9 +112,20 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         seed: int = 0,
         device: str = "cpu",
         pool: WorldPool | None = None,
+        unit_actions: bool = False,
+        autoreset: bool = True,
     ) -> None:
-        if num_envs < 1 or num_envs % robots_per_world:
-            raise ConfigError(f"num_envs ({num_envs}) must be a positive multiple of robots_per_world.")
+        if robots_per_world < 1 or num_envs < 1 or num_envs % robots_per_world:
+            raise ConfigError(
+                f"num_envs ({num_envs}) must be a positive multiple of robots_per_world ({robots_per_world})."
+            )
+        if pool is None and pool_size < 1:
+            raise ConfigError(f"pool_size must be at least 1, got {pool_size}.")
+        if not autoreset:
+            self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode.DISABLED}
+        self.autoreset = autoreset
+        self.unit_actions = unit_actions
+        self.started = False
         self.robot = hub().robots.create(robot) if isinstance(robot, str) else robot
         self.problem = problem or PointToPoint()
         self.noise = noise or NoiseModel()
@@ -134,7 +137,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.simulator = BatchSimulator([self.robot] * robots_per_world, device=device)
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
         self.single_observation_space = observation_space(self.robot)
-        self.single_action_space = action_space(self.robot)
+        self.single_action_space = unit_space() if unit_actions else command_space(self.robot)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, num_envs)
         self.action_space = gym.vector.utils.batch_space(self.single_action_space, num_envs)
         self._seed(seed)
@@ -146,10 +149,18 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Start every robot anew; an integer seed makes all that follows repeatable."""
+        """Start every robot anew.
+
+        Args:
+            seed: makes all that follows repeatable; a list of seeds counts as one seed for everybody.
+            options: ignored.
+        """
         del options
-        if isinstance(seed, int):
-            self._seed(seed)
+        if isinstance(seed, Sequence):
+            self._seed(child_seed(0, *map(str, seed)))
+        elif seed is not None:
+            self._seed(int(seed))
+        self.started = True
         shape = (self.worlds_count, self.robots_per_world)
         self._world_index = torch.zeros(shape[0], dtype=torch.int64)
         self._goals = torch.zeros(*shape, 2)
@@ -163,9 +174,20 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def step(
         self, actions: npt.NDArray[np.float32]
     ) -> tuple[dict[str, Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], dict[str, Any]]:
-        """Drive everybody for one control period; ``final_obs`` and ``final_info`` hold ended episodes."""
-        commands = torch.as_tensor(np.asarray(actions, np.float32))
-        state = self.simulator.step(commands.reshape(self.worlds_count, self.robots_per_world, 2))
+        """Drive everybody for one control period.
+
+        Args:
+            actions: (num_envs, 2), in -1..1 or m/s and rad/s.
+
+        Returns:
+            Observations, rewards, which robots arrived, which ran out of time, and info: ``touched``, and if
+            an episode ended ``final_obs`` (an array of one observation a robot, None where its episode goes
+            on) and ``final_info``.
+
+        Raises:
+            SimulatorError: before the first reset, or if actions are not finite or have the wrong shape.
+        """
+        state = self.simulator.step(self._commands(actions))
         reward, success = self._score(state)
         truncated = (self._age >= self.problem.max_steps) & ~success
         ended = success | truncated
@@ -173,22 +195,48 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         truncated |= ended[:, :1] & ~success
         ended |= truncated
         self._sensing.update(state)
-        info: dict[str, Any] = {}
-        flags = (reward, success, truncated)
-        if bool(ended.any()):
-            observation = self._observe()
-            info = {
-                "final_obs": observation,
-                "final_info": {"success": success.reshape(-1).numpy(), "steps": self._age.reshape(-1).numpy().copy()},
-                "_final_obs": ended.reshape(-1).numpy(),
-                "_final_info": ended.reshape(-1).numpy(),
-            }
+        info: dict[str, Any] = {"touched": state.collided.reshape(-1).cpu().numpy()}
+        if self.autoreset and bool(ended.any()):
+            info.update(self._final(ended, success))
             fresh_state = self._restart(ended, state.poses.cpu())
-            self._refresh(fresh_state, ended)
+            self._sensing.restart(fresh_state, ended)
             self._distance = self._goal_distance(fresh_state)
-        info["touched"] = state.collided.reshape(-1).cpu().numpy()
-        reward_np, success_np, truncated_np = (flag.reshape(-1).cpu().numpy() for flag in flags)
+        reward_np, success_np, truncated_np = (
+            flag.reshape(-1).cpu().numpy() for flag in (reward, success, truncated)
+        )
         return self._observe(), reward_np, success_np, truncated_np, info
+
+    def scene(self, index: int) -> tuple[World, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        """Return the world of one robot, and true poses (m, 3) and goals (m, 2) of all who share it."""
+        row = index // self.robots_per_world
+        world = self.pool.worlds[int(self._world_index[row])]
+        return world, self.simulator.state().poses[row].cpu().numpy(), self._goals[row].numpy().copy()
+
+    def _commands(self, actions: npt.NDArray[Any]) -> Tensor:
+        if not self.started:
+            raise SimulatorError("no episode is running; call reset() first.")
+        given = np.asarray(actions, np.float32)
+        if given.shape != (self.num_envs, 2):
+            raise SimulatorError(
+                f"actions must have shape ({self.num_envs}, 2) (robots, [v, omega]), got {given.shape}."
+            )
+        if self.unit_actions:
+            given = from_unit(given, command_space(self.robot))
+        return torch.as_tensor(given).reshape(self.worlds_count, self.robots_per_world, 2)
+
+    def _final(self, ended: Tensor, success: Tensor) -> dict[str, Any]:
+        """Return what is known of episodes that just ended, in the form Gymnasium's vector wrappers read."""
+        observation, over = self._observe(), ended.reshape(-1).numpy()
+        final = np.full(self.num_envs, None, dtype=object)
+        for index in np.flatnonzero(over):
+            final[index] = {name: part[index].copy() for name, part in observation.items()}
+        steps = self._age.reshape(-1).numpy().copy()
+        return {
+            "final_obs": final,
+            "final_info": {"success": success.reshape(-1).numpy().copy(), "steps": steps},
+            "_final_obs": over.copy(),
+            "_final_info": over.copy(),
+        }
 
     def _score(self, state: State) -> tuple[Tensor, Tensor]:
         p = self.problem
@@ -249,9 +297,6 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         low, high = self.problem.goal_distance
         first = ((distance >= low) & (distance <= high)).to(torch.uint8).argmax(1)
         return candidates[torch.arange(len(candidates)), first]
-
-    def _refresh(self, state: State, fresh: Tensor) -> None:
-        self._sensing.restart(state, fresh)
 
     def _observe(self) -> dict[str, Any]:
         views = [self._sensing.observe(i) for i in range(self.robots_per_world)]

@@ -74,7 +74,7 @@ class Sb3Adapter(VecEnv):
         done = success | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for index in np.nonzero(done)[0]:
-            final = {key: value[index] for key, value in info["final_obs"].items()}
+            final = info["final_obs"][index]
             infos[index] = {"terminal_observation": final, "TimeLimit.truncated": bool(truncated[index])}
             # robots cut short by their neighbour's end say nothing about success
             if success[index] or info["final_info"]["steps"][index] >= self.env.problem.max_steps:

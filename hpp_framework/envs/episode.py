@@ -1,0 +1,174 @@
+"""One episode of one team: the common core of the team environments, over any simulator.
+
+The loop that drives one::
+
+    episode = TeamEpisode(team, world, EpisodeConfig())
+    episode.reset(seed)
+    while not (episode.success or episode.truncated):
+        reward = episode.step(commands)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from hpp_framework.envs.spaces import check_bounds
+from hpp_framework.errors import ConfigError
+from hpp_framework.registry import hub
+from hpp_framework.seeding import numpy_rng, torch_rng
+from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.sim import make_simulator
+from hpp_framework.task import Task
+from hpp_framework.team import Team, parse_team
+from hpp_framework.types import Observation, State
+from hpp_framework.worlds.loader import resolve_world
+from hpp_framework.worlds.occupancy import FreeSpace, free_space
+from hpp_framework.worlds.spawn import spawn_poses
+from hpp_framework.worlds.world import World
+
+FloatArray = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeConfig:
+    """What an episode is about, besides team and world.
+
+    Attributes:
+        task: registered task or a task.
+        noise: disturbances of what agents observe.
+        backend: simulator, ``"batch"`` or ``"sapien"``.
+        max_steps: control steps before truncation (100 are 20 s, as in the paper).
+    """
+
+    task: str | Task = "rendezvous"
+    noise: NoiseModel = NoiseModel()
+    backend: str = "batch"
+    max_steps: int = 100
+
+    def __post_init__(self) -> None:
+        if self.max_steps < 1:
+            raise ConfigError(f"max_steps must be at least 1, got {self.max_steps}.")
+
+
+class TeamEpisode:
+    """Draws worlds and starts, steps a team, keeps what its agents sense, judges the task.
+
+    Args:
+        team: a team, or text such as ``"fetch,freight"``.
+        world: a world, a registered world or a world file; a registered one is drawn afresh each episode.
+        config: task, noise, backend, length.
+    """
+
+    world: World
+    state: State
+    seed: int
+
+    def __init__(self, team: Team | str, world: World | str, config: EpisodeConfig) -> None:
+        self.team = parse_team(team) if isinstance(team, str) else team
+        self.config = config
+        robots = self.team.robots
+        self.task = hub().tasks.create(config.task, robots) if isinstance(config.task, str) else config.task
+        self._draw_world = resolve_world(world) if isinstance(world, str) else lambda _: world
+        self._simulator = make_simulator(config.backend, robots)
+        self._space: tuple[World, FreeSpace] | None = None
+        self.steps = 0
+        self._sustained = 0
+
+    def reset(self, seed: int, poses: FloatArray | None = None) -> None:
+        """Start an episode that depends on the seed only.
+
+        Args:
+            seed: of the world, the starts and the noise.
+            poses: starts (n, 3) instead of drawn ones.
+
+        Raises:
+            ConfigError: if the world has no room for the team, or given starts have the wrong shape.
+        """
+        self.seed = seed
+        self.world = self._draw_world(numpy_rng(seed, "world"))
+        check_bounds(self.world)
+        if poses is None:
+            poses = spawn_poses(
+                self.world, self.team.robots, numpy_rng(seed, "starts"), space=self.free_space()
+            )
+        elif np.shape(poses) != (len(self.team), 3):
+            raise ConfigError(f"start poses must have shape ({len(self.team)}, 3), got {np.shape(poses)}.")
+        start = torch.as_tensor(np.asarray(poses, np.float32))[None]
+        self.state = self._simulator.reset([self.world], start)
+        self._sensing = Sensing(self.team.robots, self.config.noise, torch_rng(seed, "sensing"))
+        self._sensing.reset(self.state)
+        self.steps = 0
+        self._sustained = 0
+
+    def step(self, commands: FloatArray) -> float:
+        """Drive everybody for one control step and return the reward of the true poses.
+
+        Args:
+            commands: (n, 2) forward speed (m/s) and turn rate (rad/s); drive limits are applied.
+        """
+        self.state = self._simulator.step(torch.as_tensor(np.asarray(commands, np.float32))[None])
+        self._sensing.update(self.state)
+        self.steps += 1
+        done = bool(self.task.done(self.state.poses, self.state.velocities)[0])
+        self._sustained = self._sustained + 1 if done else 0
+        return float(self.task.reward(self.state.poses)[0])
+
+    @property
+    def success(self) -> bool:
+        """Whether the task has been fulfilled for its ``sustain_steps`` consecutive steps."""
+        return self._sustained >= self.task.sustain_steps
+
+    @property
+    def truncated(self) -> bool:
+        """Whether time ran out without success."""
+        return self.steps >= self.config.max_steps and not self.success
+
+    @property
+    def met(self) -> bool:
+        """Whether the true poses alone fulfil the task now."""
+        return bool(self.task.met(self.state.poses)[0])
+
+    @property
+    def poses(self) -> npt.NDArray[np.float32]:
+        """True poses (n, 3)."""
+        return self.state.poses[0].cpu().numpy().copy()
+
+    @property
+    def collided(self) -> npt.NDArray[np.bool_]:
+        """Which robots (n,) touched anything during the last step."""
+        return self.state.collided[0].cpu().numpy().copy()
+
+    def observe(self, agent: int) -> Observation:
+        """Return what one agent knows."""
+        return self._sensing.observe(agent)
+
+    def free_space(self) -> FreeSpace:
+        """Return the free space of this episode's world for the tallest robot."""
+        if self._space is None or self._space[0] is not self.world:
+            height = max(robot.height for robot in self.team.robots)
+            self._space = (self.world, free_space(self.world, body_height=height))
+        return self._space[1]
+
+    def draw_goal(self) -> tuple[float, float]:
+        """Draw a point that every robot of the team can reach; depends on the episode's seed only."""
+        space = self.free_space()
+        clearance = max(robot.footprint_radius for robot in self.team.robots) + self.world.spawn.clearance
+        regions = space.regions(clearance)
+        cell = ((self.poses[0, :2] - np.array(space.origin)) / space.resolution).astype(int)
+        column, row = np.clip(cell, 0, np.array(regions.shape[::-1]) - 1)
+        label = regions[row, column]
+        mask = regions == label if label > 0 else space.largest_region(clearance)
+        if not mask.any():
+            raise ConfigError(
+                f"world '{self.world.name}': no robot of the team fits anywhere; remove obstacles."
+            )
+        x, y = space.sample(mask, 1, numpy_rng(self.seed, "goal"))[0]
+        return float(x), float(y)
+
+    def close(self) -> None:
+        """Free the simulator; safe to call twice."""
+        self._simulator.close()

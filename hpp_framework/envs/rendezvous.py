@@ -1,0 +1,243 @@
+"""Meta-planning as a Gymnasium environment: the action is a goal, skills drive (``hpp/Rendezvous-v0``).
+
+One robot, the learner, is given goals from outside; its teammates run ordinary agents. So any Gymnasium
+algorithm can be trained as a meta-planner: the upper level of the hierarchy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import torch
+from gymnasium import spaces
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.agent import Agent
+from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
+from hpp_framework.envs.picture import draw
+from hpp_framework.envs.spaces import (
+    FloatArray,
+    check_action,
+    command_space,
+    poses_space,
+    scan_space,
+    team_poses,
+    to_arrays,
+    unit_space,
+)
+from hpp_framework.errors import ConfigError, SimulatorError
+from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
+from hpp_framework.registry import hub
+from hpp_framework.seeding import torch_rng
+from hpp_framework.sim import CONTROL_PERIOD
+from hpp_framework.team import Team
+from hpp_framework.types import Observation
+from hpp_framework.worlds.world import World
+
+PlannerFactory = Callable[[PlannerContext], MetaPlanner]
+
+PLAN_EVERY = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class HierarchyConfig:
+    """How goals are given and who the teammates are.
+
+    Attributes:
+        plan_every: control steps a goal lasts, at most; one environment step.
+        reach: metres from the team's midpoint that an action of 1 stands for, each axis.
+        preset: of the teammates' planners.
+        weights: extra folders searched for the teammates' predictor weights.
+        episode: task, noise, backend, length in control steps.
+    """
+
+    plan_every: int = PLAN_EVERY
+    reach: float = 5.0
+    preset: str = "best"
+    weights: tuple[Path, ...] = ()
+    episode: EpisodeConfig = EpisodeConfig()
+
+    def __post_init__(self) -> None:
+        if self.plan_every < 1:
+            raise ConfigError(f"plan_every must be at least 1, got {self.plan_every}.")
+        if not 0 < self.reach < float("inf"):
+            raise ConfigError(f"reach must be a positive number of metres, got {self.reach}.")
+
+
+class RendezvousEnv(gym.Env[Any, Any]):
+    """One robot's meta-planner from the outside.
+
+    Args:
+        team: a team, or text such as ``"fetch,freight"``.
+        world: a world, a registered world or a world file; a registered one is drawn afresh at each reset.
+        learner: index of the robot that is given goals.
+        teammates: registered planner of everybody else, or a factory of one.
+        config: planning period, reach, task, noise, backend, length.
+        render_mode: ``"rgb_array"`` or None.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  # Gymnasium's own form
+        "render_modes": ["rgb_array"],
+        "render_fps": 1 / (PLAN_EVERY * CONTROL_PERIOD),
+    }
+
+    def __init__(
+        self,
+        team: Team | str = "fetch,freight",
+        *,
+        world: World | str = "training",
+        learner: int = 0,
+        teammates: str | PlannerFactory = "centralized-mp",
+        config: HierarchyConfig | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ConfigError(f"render_mode must be 'rgb_array' or None, got '{render_mode}'.")
+        self.render_mode = render_mode
+        self.config = config or HierarchyConfig()
+        self.episode = TeamEpisode(team, world, self.config.episode)
+        count = len(self.episode.team)
+        if not 0 <= learner < count:
+            raise ConfigError(f"learner must be the index of a robot, 0 to {count - 1}, got {learner}.")
+        self.learner = learner
+        self._factory = hub().planners.entry(teammates).factory() if isinstance(teammates, str) else teammates
+        self._skills = self.episode.team.skills()
+        robot = self.episode.team.robots[learner]
+        self._views = spaces.Dict(
+            {"scan": scan_space(robot), "poses": poses_space(count), "velocity": command_space(robot)}
+        )
+        self.observation_space = self._views
+        self.action_space = unit_space()
+        self._told = _Told(self.config.plan_every)
+        self._planners: tuple[tuple[float, float, float, float], list[MetaPlanner]] | None = None
+        self._agents: list[Agent] = []
+        self._running = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, FloatArray], dict[str, Any]]:
+        """Start an episode: a new world, new starts, teammates without a belief.
+
+        Args:
+            seed: makes this episode and all that follow repeatable.
+            options: ``"poses"``, starts (n, 3); others are ignored.
+        """
+        super().reset(seed=seed)
+        self.episode.reset(int(self.np_random.integers(2**62)), (options or {}).get("poses"))
+        self._agents = [
+            Agent(skill, planner, self.episode.task, self._generator(planner, i))
+            for i, (skill, planner) in enumerate(zip(self._skills, self._team_planners(), strict=True))
+        ]
+        self._told.goal = self._midpoint()
+        self._running = True
+        return self._view(), {}
+
+    def step(
+        self, action: npt.NDArray[Any]
+    ) -> tuple[dict[str, FloatArray], float, bool, bool, dict[str, Any]]:
+        """Let the learner drive to a goal for ``plan_every`` control steps, or until the episode ends.
+
+        Args:
+            action: offset of the goal from the midpoint of the observed positions, in units of ``reach``,
+                along the world's axes; cut off at [-1, 1] and at the world's bounds.
+
+        Returns:
+            Observation, reward (of the true poses, summed over the control steps), whether the task was
+            fulfilled for its ``sustain_steps``, whether time ran out, and info: ``goal`` (2,) in world
+            coordinates, control ``steps`` driven, ``met``, ``collided`` (the learner, in any of them).
+
+        Raises:
+            SimulatorError: if no episode runs, or the action is not two finite numbers.
+        """
+        if not self._running:
+            raise SimulatorError("no episode is running; call reset() first.")
+        offset = check_action(action, "the learner", "[x, y] of the goal, in -1..1")
+        goal = self._midpoint() + torch.from_numpy(np.clip(offset, -1, 1)) * self.config.reach
+        x_min, y_min, x_max, y_max = self.episode.world.bounds
+        self._told.goal = torch.minimum(
+            torch.maximum(goal, goal.new_tensor([x_min, y_min])), goal.new_tensor([x_max, y_max])
+        )
+        self._agents[self.learner].plan(self.episode.observe(self.learner))
+        reward, collided, before = 0.0, False, self.episode.steps
+        for _ in range(self.config.plan_every):
+            commands = [agent.act(self.episode.observe(i)) for i, agent in enumerate(self._agents)]
+            reward += self.episode.step(torch.cat(commands).detach().cpu().numpy())
+            collided |= bool(self.episode.collided[self.learner])
+            if self.episode.success or self.episode.truncated:
+                self._running = False
+                break
+        info = {
+            "goal": self._told.goal[0].cpu().numpy().copy(),
+            "steps": self.episode.steps - before,
+            "met": self.episode.met,
+            "collided": collided,
+        }
+        return self._view(), reward, self.episode.success, self.episode.truncated, info
+
+    def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]  # Gymnasium leaves the frame's type open
+        """Return a top-down picture (height, width, 3), or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if not self._agents:
+            raise SimulatorError("there is nothing to draw yet; call reset() first.")
+        goals = [
+            agent.belief.goal[0].cpu().numpy() if agent.belief else np.full(2, np.nan)
+            for agent in self._agents
+        ]
+        return draw(self.episode.world, self.episode.team.robots, self.episode.poses, np.stack(goals))
+
+    def close(self) -> None:
+        """Free the simulator; safe to call twice."""
+        self.episode.close()
+
+    def _team_planners(self) -> list[MetaPlanner]:
+        """Return everybody's planner; built anew only where the world's bounds have changed."""
+        bounds = self.episode.world.bounds
+        if self._planners is None or self._planners[0] != bounds:
+            planners: list[MetaPlanner] = []
+            for i in range(len(self.episode.team)):
+                context = PlannerContext(
+                    team=self.episode.team, agent=i, task=self.episode.task, preset=self.config.preset,
+                    bounds=bounds, weights=self.config.weights,
+                )  # fmt: skip
+                planners.append(self._told if i == self.learner else self._factory(context))
+            self._planners = (bounds, planners)
+        return self._planners[1]
+
+    def _generator(self, planner: MetaPlanner, agent: int) -> torch.Generator:
+        return (
+            torch_rng(self.episode.seed, "agents")
+            if planner.centralised
+            else torch_rng(self.episode.seed, "agent", agent)
+        )
+
+    def _midpoint(self) -> Float[Tensor, "1 2"]:
+        return self.episode.observe(self.learner).team_poses[..., :2].mean(1)
+
+    def _view(self) -> dict[str, FloatArray]:
+        seen = self.episode.observe(self.learner)
+        return to_arrays(
+            {"scan": seen.scan, "poses": team_poses(seen), "velocity": seen.velocity}, self._views
+        )
+
+
+class _Told(MetaPlanner):
+    """Plans what it is told."""
+
+    goal: Float[Tensor, "b 2"]
+
+    def __init__(self, plan_every: int) -> None:
+        self.plan_every = plan_every
+
+    def plan(
+        self, observation: Observation, belief: Belief | None, rng: torch.Generator
+    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+        """Return the goal set from outside."""
+        return self.goal, Belief(self.goal, self.goal, torch.zeros_like(self.goal))
