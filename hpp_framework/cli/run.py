@@ -1,0 +1,64 @@
+"""``hpp run``: one episode to look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from hpp_framework.cli.options import Noise, check_folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """Run one episode and film it.
+
+    Writes ``episode.mp4`` (3-D view beside a top-down view with lidar, goals, beliefs and imagined motion),
+    ``distance.png``, ``summary.json`` and ``config.json`` into --out. Without a Vulkan driver the video shows the
+    top-down view only.
+    """
+
+    world: str = "wall"
+    """Registered world or YAML file."""
+    team: str = "fetch,freight"
+    """Robots, separated by commas; 'id=robot' names one."""
+    planner: str = "hpp"
+    """Registered planner of every robot."""
+    preset: str = "best"
+    """Preset of the planner: paper or best."""
+    backend: Literal["batch", "sapien"] = "sapien"
+    """Simulator."""
+    seed: int = 0
+    """Seed of world, start and agents."""
+    out: Path = Path("out/run")
+    """Folder to write to."""
+    task: str = "rendezvous"
+    """Registered task."""
+    skill: str = "p2p"
+    """Registered skill of every robot."""
+    weights: str = ""
+    """Extra folders searched for predictor weights, separated by commas."""
+    noise: Noise = field(default_factory=Noise)
+    """Disturbances of what agents observe."""
+
+    def run(self) -> None:
+        """Run, film, and say where things are."""
+        from hpp_framework.cli.options import names
+        from hpp_framework.evaluation.experiment import Experiment
+        from hpp_framework.evaluation.showcase import showcase
+
+        experiment = Experiment(
+            worlds=(self.world,),
+            planners=(self.planner,),
+            team=self.team,
+            preset=self.preset,
+            backend=self.backend,
+            episodes=1,
+            seed=self.seed,
+            task=self.task,
+            skill=self.skill,
+            noise=self.noise.model(),
+            weights=names(self.weights, "--weights") if self.weights else (),
+        )
+        check_folder(self.out)
+        showcase(experiment, self.out)
