@@ -1,0 +1,171 @@
+"""Noise, drop-outs and histories: the one place where measurements get worse than the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+import torch
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.sensing import HISTORY, NoiseModel, Sensing
+from hpp_framework.types import State
+
+BATCH, BEAMS = 400, 222
+
+
+def state(batch: int = BATCH, value: float = 1.0, scan: float = 5.0, robots: int = 2) -> State:
+    return State(
+        poses=torch.full((batch, robots, 3), value),
+        velocities=torch.full((batch, robots, 2), value / 10),
+        scans=torch.full((batch, robots, BEAMS), scan),
+        collided=torch.zeros(batch, robots, dtype=torch.bool),
+    )
+
+
+@pytest.fixture
+def make(pair, torch_rng):
+    return lambda **noise: Sensing(pair, NoiseModel(**noise), torch_rng)
+
+
+def test_without_noise_observations_are_the_truth(make):
+    sensing = make()
+    sensing.reset(state(3))
+    for agent in (0, 1):
+        seen = sensing.observe(agent)
+        assert seen.agent == agent
+        assert seen.poses.shape == (3, HISTORY, 2, 3)
+        assert seen.scans.shape == (3, HISTORY, BEAMS)
+        assert torch.equal(seen.poses, torch.ones_like(seen.poses))
+        assert torch.equal(seen.scans, torch.full_like(seen.scans, 5.0))
+        assert torch.equal(seen.velocity, torch.full((3, 2), 0.1))
+
+
+def test_histories_run_from_oldest_to_newest(make):
+    sensing = make()
+    sensing.reset(state(1, value=0.0, scan=1.0))
+    for step in range(1, HISTORY + 2):
+        sensing.update(state(1, value=float(step), scan=1.0 + step))
+    seen = sensing.observe(0)
+    assert seen.poses[0, :, 0, 0].tolist() == [2.0, 3.0, 4.0, 5.0, 6.0]
+    assert seen.scans[0, :, 0].tolist() == [3.0, 4.0, 5.0, 6.0, 7.0]
+    assert seen.pose[0, 0] == 6.0
+
+
+def test_a_history_begins_with_the_first_measurement_repeated(make):
+    sensing = make(position_std=0.1, scan_std=0.1)
+    sensing.reset(state(4))
+    seen = sensing.observe(1)
+    assert torch.equal(seen.poses, seen.poses[:, :1].expand_as(seen.poses))
+    assert torch.equal(seen.scans, seen.scans[:, :1].expand_as(seen.scans))
+
+
+def test_noise_has_the_statistics_asked_for(make):
+    sensing = make(position_std=0.2, heading_std=0.05, scan_std=0.03)
+    sensing.reset(state())
+    errors = sensing.observe(0).team_poses - 1.0
+    ranges = sensing.observe(0).scan - 5.0
+    # standard errors: 0.2 / sqrt(1600) = 0.005 for positions, a quarter of that for headings
+    assert abs(float(errors[..., :2].mean())) < 0.02
+    assert float(errors[..., :2].std()) == pytest.approx(0.2, rel=0.1)
+    assert float(errors[..., 2].std()) == pytest.approx(0.05, rel=0.15)
+    assert float(ranges.std()) == pytest.approx(0.03, rel=0.02)
+    assert abs(float(ranges.mean())) < 0.001
+
+
+def test_every_agent_and_episode_has_its_own_noise(make):
+    sensing = make(position_std=0.2)
+    sensing.reset(state())
+    first, second = (sensing.observe(agent).team_poses[..., 0] - 1.0 for agent in (0, 1))
+    assert not torch.equal(first, second)
+    for a, b in ((first[:, 0], second[:, 0]), (first[:, 0], first[:, 1])):
+        correlation = torch.corrcoef(torch.stack([a, b]))[0, 1]
+        assert abs(float(correlation)) < 4 / math.sqrt(BATCH)
+
+
+def test_noise_of_one_seed_repeats(pair):
+    def once() -> torch.Tensor:
+        sensing = Sensing(pair, NoiseModel(position_std=0.1), torch.Generator().manual_seed(4))
+        sensing.reset(state(3))
+        sensing.update(state(3))
+        return sensing.observe(0).poses
+
+    assert torch.equal(once(), once())
+
+
+def test_none_means_the_lidars_own_noise(make, fetch):
+    sensing = make(scan_std=None)
+    sensing.reset(state())
+    assert float(sensing.observe(0).scan.std()) == pytest.approx(fetch.lidar.noise_std, rel=0.02)
+
+
+def test_misses_stay_misses_and_ranges_stay_within_the_lidars(make, fetch):
+    lidar = fetch.lidar
+    sensing = make(scan_std=1.0)
+    sensing.reset(state(50, scan=lidar.max_range))
+    assert torch.equal(sensing.observe(0).scan, torch.full((50, BEAMS), lidar.max_range))
+    sensing.reset(state(50, scan=lidar.max_range - 0.1))
+    assert float(sensing.observe(0).scan.max()) <= lidar.max_range
+    sensing.reset(state(50, scan=lidar.min_range))
+    assert float(sensing.observe(0).scan.min()) >= lidar.min_range
+
+
+def test_dropped_beams_read_the_maximum(make, fetch):
+    sensing = make(dropout=0.25)
+    sensing.reset(state())
+    scan = sensing.observe(0).scan
+    lost = scan == fetch.lidar.max_range
+    assert float(lost.float().mean()) == pytest.approx(0.25, abs=0.01)
+    assert torch.equal(scan[~lost], torch.full_like(scan[~lost], 5.0))
+
+
+def test_restart_begins_only_the_chosen_histories(make):
+    sensing = make()
+    sensing.reset(state(2, value=0.0, scan=1.0))
+    sensing.update(state(2, value=1.0, scan=2.0))
+    chosen = torch.tensor([[True, False], [False, False]])
+    sensing.restart(state(2, value=9.0, scan=9.0), chosen)
+    restarted, neighbour = sensing.observe(0), sensing.observe(1)
+    # episode 0, robot 0: everything it knows begins anew
+    assert torch.equal(restarted.poses[0], torch.full((HISTORY, 2, 3), 9.0))
+    assert torch.equal(restarted.scans[0], torch.full((HISTORY, BEAMS), 9.0))
+    # episode 0, robot 1: it forgets where robot 0 was, keeps its own past, measures once more
+    assert torch.equal(neighbour.poses[0, :, 0], torch.full((HISTORY, 3), 9.0))
+    assert neighbour.poses[0, :, 1, 0].tolist() == [0.0, 0.0, 0.0, 0.0, 9.0]
+    assert neighbour.scans[0, :, 0].tolist() == [1.0, 1.0, 1.0, 1.0, 9.0]
+    # episode 1: nobody was chosen, the newest entry is measured again
+    assert restarted.poses[1, :, 0, 0].tolist() == [0.0, 0.0, 0.0, 0.0, 9.0]
+
+
+def test_agents_with_fewer_beams_get_their_own_width(fetch, freight, torch_rng):
+    coarse = dataclasses.replace(freight, lidar=dataclasses.replace(freight.lidar, beams=20))
+    sensing = Sensing([fetch, coarse], NoiseModel(), torch_rng)
+    sensing.reset(state(2))
+    assert sensing.observe(0).scan.shape == (2, BEAMS)
+    assert sensing.observe(1).scan.shape == (2, 20)
+
+
+def test_observations_do_not_change_afterwards(make):
+    sensing = make()
+    sensing.reset(state(2, value=0.0))
+    early = sensing.observe(0)
+    poses, scans = early.poses.clone(), early.scans.clone()
+    sensing.update(state(2, value=1.0, scan=2.0))
+    sensing.restart(state(2, value=5.0), torch.ones(2, 2, dtype=torch.bool))
+    assert torch.equal(early.poses, poses)
+    assert torch.equal(early.scans, scans)
+
+
+@pytest.mark.parametrize(
+    ("noise", "message"),
+    [
+        ({"position_std": -0.1}, "position_std must be 0 or more"),
+        ({"heading_std": math.nan}, "heading_std must be 0 or more"),
+        ({"scan_std": math.inf}, "scan_std must be 0 or more"),
+        ({"dropout": 1.5}, "dropout is a share between 0 and 1"),
+    ],
+)
+def test_bad_noise(noise, message):
+    with pytest.raises(ConfigError, match=message):
+        NoiseModel(**noise)
