@@ -35,7 +35,7 @@ SIDES = 32
 ROUNDNESS = 2 / (1 + math.cos(math.pi / SIDES))
 """Widens a prism so that its corners stand out as much as its faces stand back (0.24 % of the radius)."""
 
-FACET_ERROR = 0.0015
+FACET_ERROR = 0.001
 """Largest such error in metres before an obstacle's prism gets more sides."""
 
 UPRIGHT = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
@@ -178,9 +178,10 @@ def _box_pose(box: Box) -> Any:
 def _cylinder_shapes(cylinder: Cylinder, material: Any) -> list[Any]:
     if cylinder.radius * (ROUNDNESS - 1) <= FACET_ERROR:
         return [physx.PhysxCollisionShapeCylinder(cylinder.radius * ROUNDNESS, cylinder.height / 2, material)]
-    # a large one is a mesh with more sides
-    sides = math.ceil(math.pi / math.sqrt(4 * FACET_ERROR / cylinder.radius))
-    prism = trimesh.creation.cylinder(radius=cylinder.radius, height=cylinder.height, sections=sides)
+    # a large one is a mesh with more sides; their faces stand back by half the square of pi / sides
+    sides = math.ceil(math.pi * math.sqrt(cylinder.radius / FACET_ERROR) / 2)
+    widened = cylinder.radius * 2 / (1 + math.cos(math.pi / sides))
+    prism = trimesh.creation.cylinder(radius=widened, height=cylinder.height, sections=sides)
     prism.apply_transform(trimesh.transformations.rotation_matrix(math.pi / 2, [0, 1, 0]))
     return [_triangles(prism.vertices, prism.faces, material)]
 
