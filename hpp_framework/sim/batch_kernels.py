@@ -317,4 +317,8 @@ def cast(
             center = wp.vec2(cos * dx + sin * dy, cos * dy - sin * dx)
             mark_disc(center, robots[j].profile_radius, robot, directions, episode, agent, scans)
     for k in range(scans.shape[2]):
-        scans[episode, agent, k] = wp.max(1.0 / scans[episode, agent, k], robot.min_range)
+        inverse = scans[episode, agent, k]
+        scans[episode, agent, k] = robot.max_range
+        # a miss reads the maximum to the last bit, whatever the rounding of 1 / (1 / x)
+        if inverse > farthest:
+            scans[episode, agent, k] = wp.max(1.0 / inverse, robot.min_range)
