@@ -1,4 +1,4 @@
-"""``hpp evaluate``: compare planners over worlds, with intervals."""
+"""hpp evaluate: compare planners over worlds, with intervals."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from rich.table import Table
 from hpp_framework.cli.options import Noise, names
 
 
+TABLE_WIDTH = 120
+
+
 @dataclass(frozen=True, kw_only=True)
 class Evaluate:
     """Run many episodes of each planner in each world and report success with 95 % intervals.
 
-    Writes ``episodes.csv`` (a row an episode), ``summary.json`` and ``config.json`` into --out. Interrupted runs
+    Writes episodes.csv (a row an episode), summary.json and config.json into --out. Interrupted runs
     resume: repeat the same command.
     """
 
@@ -72,7 +75,7 @@ class Evaluate:
                 progress.update(bars[cell], completed=done)
 
             summary = run_experiment(experiment, self.out, progress=report)
-        Console().print(summary_table(summary))
+        Console(width=TABLE_WIDTH).print(summary_table(summary))
         print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
 
 

@@ -1,4 +1,4 @@
-"""``hpp run``: one episode to look at."""
+"""hpp run: one episode to look at."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from hpp_framework.cli.options import Noise, check_folder
 class Run:
     """Run one episode and film it.
 
-    Writes ``episode.mp4`` (3-D view beside a top-down view with lidar, goals, beliefs and imagined motion),
-    ``distance.png``, ``summary.json`` and ``config.json`` into --out. Without a Vulkan driver the video shows the
+    Writes episode.mp4 (3-D view beside a top-down view with lidar, goals, beliefs and imagined motion),
+    distance.png, summary.json and config.json into --out. Without a Vulkan driver the video shows the
     top-down view only.
     """
 

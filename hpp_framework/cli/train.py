@@ -89,10 +89,11 @@ class TrainPredictor:
 class Train:
     """Train a skill or a predictor."""
 
-    what: (
+    what: Annotated[
         Annotated[TrainSkill, tyro.conf.subcommand("skill")]
-        | Annotated[TrainPredictor, tyro.conf.subcommand("predictor")]
-    )
+        | Annotated[TrainPredictor, tyro.conf.subcommand("predictor")],
+        tyro.conf.arg(name=""),
+    ]
 
     def run(self) -> None:
         """Train what was named."""

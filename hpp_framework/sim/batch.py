@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,7 +21,23 @@ from hpp_framework.worlds.slicing import PlanarMap, planar_map
 from hpp_framework.worlds.world import World
 
 wp.config.log_level = wp.LOG_ERROR
-wp.init()
+
+
+def _initialise_warp() -> None:
+    """Start Warp without the line that its native part prints on machines that have no CUDA."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    silent = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(silent, 2)
+        wp.init()
+    finally:
+        os.dup2(kept, 2)
+        os.close(silent)
+        os.close(kept)
+
+
+_initialise_warp()
 
 
 class BatchSimulator(Simulator):
