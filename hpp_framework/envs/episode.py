@@ -11,17 +11,19 @@ The loop that drives one::
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import torch
 
+from hpp_framework.envs.picture import Picture
 from hpp_framework.envs.spaces import check_bounds
-from hpp_framework.errors import ConfigError
+from hpp_framework.errors import ConfigError, SimulatorError
 from hpp_framework.registry import hub
 from hpp_framework.seeding import numpy_rng, torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim import make_simulator
+from hpp_framework.sim import CONTROL_PERIOD, make_simulator
 from hpp_framework.task import Task
 from hpp_framework.team import Team, parse_team
 from hpp_framework.types import Observation, State
@@ -75,15 +77,17 @@ class TeamEpisode:
         self._draw_world = resolve_world(world) if isinstance(world, str) else lambda _: world
         self._simulator = make_simulator(config.backend, robots)
         self._space: tuple[World, FreeSpace] | None = None
+        self._picture = Picture(robots)
+        self.started = False
         self.steps = 0
         self._sustained = 0
 
-    def reset(self, seed: int, poses: FloatArray | None = None) -> None:
+    def reset(self, seed: int, poses: Any = None) -> None:
         """Start an episode that depends on the seed only.
 
         Args:
             seed: of the world, the starts and the noise.
-            poses: starts (n, 3) instead of drawn ones.
+            poses: starts (n, 3) instead of drawn ones; an array or nested lists.
 
         Raises:
             ConfigError: if the world has no room for the team, or given starts have the wrong shape.
@@ -101,6 +105,7 @@ class TeamEpisode:
         self.state = self._simulator.reset([self.world], start)
         self._sensing = Sensing(self.team.robots, self.config.noise, torch_rng(seed, "sensing"))
         self._sensing.reset(self.state)
+        self.started = True
         self.steps = 0
         self._sustained = 0
 
@@ -168,6 +173,19 @@ class TeamEpisode:
             )
         x, y = space.sample(mask, 1, numpy_rng(self.seed, "goal"))[0]
         return float(x), float(y)
+
+    def draw(self, goals: FloatArray) -> npt.NDArray[np.uint8]:
+        """Return a top-down picture (height, width, 3) with lidars, goals (n, 2) and the clock.
+
+        Raises:
+            SimulatorError: before the first reset.
+        """
+        if not self.started:
+            raise SimulatorError("there is nothing to draw yet; call reset() first.")
+        scans = [self.observe(i).scan[0].cpu().numpy() for i in range(len(self.team))]
+        return self._picture.draw(
+            self.world, self.poses, goals, scans=scans, clock=self.steps * CONTROL_PERIOD
+        )
 
     def close(self) -> None:
         """Free the simulator; safe to call twice."""

@@ -153,9 +153,15 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
 
         Args:
             seed: makes all that follows repeatable; a list of seeds counts as one seed for everybody.
-            options: ignored.
+            options: ``"reset_mask"``, booleans (num_envs,): start only these robots, and those who share a
+                world with the first robot of their world if that one starts; others are ignored.
+
+        Raises:
+            ConfigError: if the mask has the wrong shape or type, or comes before the first reset.
         """
-        del options
+        mask = (options or {}).get("reset_mask")
+        if mask is not None and seed is None:
+            return self._reset_some(mask)
         if isinstance(seed, Sequence):
             self._seed(child_seed(0, *map(str, seed)))
         elif seed is not None:
@@ -171,8 +177,19 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self._distance = self._goal_distance(state)
         return self._observe(), {}
 
+    def _reset_some(self, mask: object) -> tuple[dict[str, Any], dict[str, Any]]:
+        given = np.asarray(mask)
+        if not self.started or given.shape != (self.num_envs,) or given.dtype != np.bool_:
+            raise ConfigError(
+                f"reset_mask must be {self.num_envs} booleans, one a robot, after a first reset without it; "
+                f"got {given.dtype} of shape {given.shape}."
+            )
+        chosen = torch.from_numpy(given).reshape(self.worlds_count, self.robots_per_world)
+        self._begin(chosen | chosen[:, :1], self.simulator.state())
+        return self._observe(), {}
+
     def step(
-        self, actions: npt.NDArray[np.float32]
+        self, actions: npt.NDArray[Any]
     ) -> tuple[dict[str, Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], dict[str, Any]]:
         """Drive everybody for one control period.
 
@@ -198,9 +215,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         info: dict[str, Any] = {"touched": state.collided.reshape(-1).cpu().numpy()}
         if self.autoreset and bool(ended.any()):
             info.update(self._final(ended, success))
-            fresh_state = self._restart(ended, state.poses.cpu())
-            self._sensing.restart(fresh_state, ended)
-            self._distance = self._goal_distance(fresh_state)
+            self._begin(ended, state)
         reward_np, success_np, truncated_np = (
             flag.reshape(-1).cpu().numpy() for flag in (reward, success, truncated)
         )
@@ -237,6 +252,12 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
             "_final_obs": over.copy(),
             "_final_info": over.copy(),
         }
+
+    def _begin(self, chosen: Tensor, state: State) -> None:
+        """Begin new episodes of the chosen robots (worlds, robots)."""
+        fresh = self._restart(chosen, state.poses.cpu())
+        self._sensing.restart(fresh, chosen)
+        self._distance = self._goal_distance(fresh)
 
     def _score(self, state: State) -> tuple[Tensor, Tensor]:
         p = self.problem

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from hpp_framework.agent import Agent
 from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
-from hpp_framework.envs.picture import draw
+from hpp_framework.envs.picture import check_mode
 from hpp_framework.envs.spaces import (
     FloatArray,
     check_action,
@@ -98,9 +98,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         config: HierarchyConfig | None = None,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ConfigError(f"render_mode must be 'rgb_array' or None, got '{render_mode}'.")
-        self.render_mode = render_mode
+        self.render_mode = check_mode(render_mode)
         self.config = config or HierarchyConfig()
         self.episode = TeamEpisode(team, world, self.config.episode)
         count = len(self.episode.team)
@@ -139,9 +137,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         self._running = True
         return self._view(), {}
 
-    def step(
-        self, action: npt.NDArray[Any]
-    ) -> tuple[dict[str, FloatArray], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[dict[str, FloatArray], float, bool, bool, dict[str, Any]]:
         """Let the learner drive to a goal for ``plan_every`` control steps, or until the episode ends.
 
         Args:
@@ -185,13 +181,8 @@ class RendezvousEnv(gym.Env[Any, Any]):
         """Return a top-down picture (height, width, 3), or None without a render mode."""
         if self.render_mode is None:
             return None
-        if not self._agents:
-            raise SimulatorError("there is nothing to draw yet; call reset() first.")
-        goals = [
-            agent.belief.goal[0].cpu().numpy() if agent.belief else np.full(2, np.nan)
-            for agent in self._agents
-        ]
-        return draw(self.episode.world, self.episode.team.robots, self.episode.poses, np.stack(goals))
+        goals = [_goal(agent) for agent in self._agents]
+        return self.episode.draw(np.array(goals))
 
     def close(self) -> None:
         """Free the simulator; safe to call twice."""
@@ -241,3 +232,8 @@ class _Told(MetaPlanner):
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
         """Return the goal set from outside."""
         return self.goal, Belief(self.goal, self.goal, torch.zeros_like(self.goal))
+
+
+def _goal(agent: Agent) -> npt.NDArray[np.floating]:
+    """Return the goal (2,) an agent pursues, NaN before its first plan."""
+    return np.full(2, np.nan) if agent.belief is None else agent.belief.goal[0].detach().cpu().numpy()

@@ -8,10 +8,10 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 
-from hpp_framework.envs.picture import draw
+from hpp_framework.envs.picture import Picture, check_mode
 from hpp_framework.envs.point_to_point import PointToPoint, PointToPointVectorEnv
 from hpp_framework.envs.spaces import FloatArray, check_action
-from hpp_framework.errors import ConfigError, SimulatorError
+from hpp_framework.errors import SimulatorError
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.sim import CONTROL_PERIOD
@@ -48,9 +48,7 @@ class PointToPointEnv(gym.Env[Any, Any]):
         unit_actions: bool = True,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ConfigError(f"render_mode must be 'rgb_array' or None, got '{render_mode}'.")
-        self.render_mode = render_mode
+        self.render_mode = check_mode(render_mode)
         self._batch = PointToPointVectorEnv(
             1, robot=robot, world=world, pool_size=pool_size, problem=problem, noise=noise, seed=seed,
             unit_actions=unit_actions, autoreset=False,
@@ -58,6 +56,7 @@ class PointToPointEnv(gym.Env[Any, Any]):
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space
         self._meaning = "[v, omega] in -1..1" if unit_actions else "[v in m/s, omega in rad/s]"
+        self._picture = Picture([self._batch.robot])
         self._running = False
 
     def reset(
@@ -77,9 +76,7 @@ class PointToPointEnv(gym.Env[Any, Any]):
         self._running = True
         return _only(observation), {}
 
-    def step(
-        self, action: npt.NDArray[Any]
-    ) -> tuple[dict[str, FloatArray], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[dict[str, FloatArray], float, bool, bool, dict[str, Any]]:
         """Drive for one control step.
 
         Args:
@@ -113,7 +110,7 @@ class PointToPointEnv(gym.Env[Any, Any]):
         if not self._batch.started:
             raise SimulatorError("there is nothing to draw yet; call reset() first.")
         world, poses, goals = self._batch.scene(0)
-        return draw(world, self._batch.simulator.robots, poses, goals)
+        return self._picture.draw(world, poses, goals)
 
 
 def _only(observation: dict[str, FloatArray]) -> dict[str, FloatArray]:

@@ -98,7 +98,11 @@ def check_bounds(world: World) -> None:
 def team_poses(observation: Observation) -> Float[Tensor, "b n 3"]:
     """Return everybody's newest observed poses, headings wrapped: noise may have carried one past pi."""
     poses = observation.team_poses
-    return torch.cat([poses[..., :2], geometry.wrap_angle(poses[..., 2:])], -1)
+    heading = poses[..., 2:]
+    # wrapping rounds, so headings that need none are left as they are
+    return torch.cat(
+        [poses[..., :2], torch.where(heading.abs() > math.pi, geometry.wrap_angle(heading), heading)], -1
+    )
 
 
 def to_arrays(parts: Mapping[str, Tensor], space: spaces.Dict) -> dict[str, FloatArray]:

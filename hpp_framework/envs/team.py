@@ -6,7 +6,7 @@ commands. The reward is shared. See docs/environments.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from pettingzoo import ParallelEnv
 
 from hpp_framework import geometry
 from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
-from hpp_framework.envs.picture import draw
+from hpp_framework.envs.picture import check_mode
 from hpp_framework.envs.spaces import (
     FloatArray,
     check_action,
@@ -66,9 +66,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
         config: EpisodeConfig | None = None,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode not in (None, "human", "rgb_array"):
-            raise ConfigError(f"render_mode must be 'rgb_array' or None, got '{render_mode}'.")
-        self.render_mode = render_mode
+        self.render_mode = check_mode(render_mode, (None, "human", "rgb_array"))
         self.episode = TeamEpisode(team, world, config or EpisodeConfig())
         members = self.episode.team.members
         self.possible_agents = list(self.episode.team.ids)
@@ -112,7 +110,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
             self.set_goals(options["goals"])
         return self._observations(), self._infos()
 
-    def set_goals(self, goals: Mapping[str, Sequence[float]]) -> None:
+    def set_goals(self, goals: Mapping[str, Any]) -> None:
         """Give agents new goals; they show from the next observation on and last until the next reset.
 
         Args:
@@ -141,7 +139,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
         }
 
     def step(
-        self, actions: dict[str, npt.NDArray[Any]]
+        self, actions: dict[str, Any]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Drive everybody for one control step.
 
@@ -190,15 +188,13 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
             return None
         if self.render_mode == "human":
             raise ConfigError("there is no window to draw in; use render_mode='rgb_array'.")
-        if self._rng is None:
-            raise SimulatorError("there is nothing to draw yet; call reset() first.")
-        return draw(self.episode.world, self.episode.team.robots, self.episode.poses, self._goals)
+        return self.episode.draw(self._goals)
 
     def close(self) -> None:
         """Free the simulator; safe to call twice."""
         self.episode.close()
 
-    def _commands(self, actions: Mapping[str, npt.NDArray[Any]]) -> FloatArray:
+    def _commands(self, actions: Mapping[str, Any]) -> FloatArray:
         if not self.agents:
             raise SimulatorError("no episode is running; call reset() first.")
         for agent in actions:
