@@ -1,0 +1,128 @@
+"""Wrong input gets one clear line and a non-zero exit, never a traceback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
+from hpp_framework.cli.main import main
+from hpp_framework.registry import hub
+
+WORLD = "name: room\nbounds: [-5, -5, 5, 5]\n"
+
+# (arguments, what the message must contain)
+MISTAKES = [
+    ("run --world wal", ["no world", "'wall'"]),
+    ("run --world nowhere.yaml", ["nowhere.yaml"]),
+    ("run --team fetch,frieght", ["no robot", "'freight'"]),
+    ("run --team ,", ["empty entry"]),
+    ("run --team fetch,,freight", ["empty entry"]),
+    ("run --team a=fetch,a=freight", ["id 'a'", "twice"]),
+    ("run --team =fetch", ["id=robot"]),
+    ("run --planner hp", ["no planner", "'hpp'"]),
+    ("run --preset bset", ["no preset", "'best'"]),
+    ("run --task rendevous", ["no task", "'rendezvous'"]),
+    ("run --skill p2", ["no skill", "'p2p'"]),
+    ("run --backend gazebo", ["gazebo", "sapien"]),
+    ("run --seed one", ["one"]),
+    ("run --noise.pose -1", ["position_std", "0 or more"]),
+    ("run --noise.dropout 1.5", ["dropout"]),
+    ("run --weights nowhere --planner hpp --team fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,"
+     "fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,"
+     "fetch --world {tiny}", ["no room for 30 robots"]),
+    ("evaluate --worlds simple,simple", ["'simple' twice"]),
+    ("evaluate --planners hpp,,centralized-mp", ["empty entry"]),
+    ("evaluate --planners centralised-mp", ["'centralized-mp'"]),
+    ("evaluate --episodes 0 --planners centralized-mp", ["episodes must be at least 1"]),
+    ("evaluate --worlds {bad}", ["bad.yaml", "boxs", "boxes"]),
+    ("list robot", ["'robots'"]),
+    ("collect --team fetch --trajectories 0", ["trajectories must be at least 1"]),
+    ("collect --team fetch --world trainin", ["'training'"]),
+    ("train skill p3p --robot fetch", ["'p2p'"]),
+    ("train skill p2p --robot fletch", ["'fetch'"]),
+    ("train skill p2p --robot fetch --steps 0", ["--steps must be at least 1"]),
+    ("train predictor delta --data {empty}", ["'delta-pose-lidar'"]),
+    ("train predictor delta-pose-lidar --data {empty}", ["not a data set", "hpp collect"]),
+    ("fly", ["fly"]),
+    ("run --wrold wall", ["--wrold"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("command", "expected"), MISTAKES, ids=[m[0][:60] for m in MISTAKES])
+def test_a_mistake_gets_a_clear_message(command, expected, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.yaml").write_text(WORLD + "boxs:\n  - {center: [0, 0], size: [1, 1]}\n")
+    (tmp_path / "tiny.yaml").write_text(WORLD)
+    (tmp_path / "empty").mkdir()
+    filled = command.format(bad="bad.yaml", tiny="tiny.yaml", empty="empty")
+    with pytest.raises(SystemExit) as stop:
+        main(filled.split())
+    captured = capsys.readouterr()
+    message = " ".join((captured.err + captured.out).split())
+    assert stop.value.code not in (0, None)
+    assert "Traceback" not in message
+    for part in expected:
+        assert part in message
+
+
+def test_out_is_a_file(tmp_path, capsys):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(SystemExit):
+        main(["run", "--out", str(tmp_path / "taken")])
+    assert "cannot write to" in capsys.readouterr().err
+
+
+def test_read_only_folder(capsys):
+    # not even root may write here
+    with pytest.raises(SystemExit) as stop:
+        main(["evaluate", "--planners", "centralized-mp", "--out", "/proc/nothing"])
+    assert stop.value.code == 2
+    assert "cannot write to" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_full_disk(tmp_path, monkeypatch, capsys):
+    (tmp_path / "episodes.tmp").symlink_to("/dev/full")
+    with pytest.raises(SystemExit) as stop:
+        main(
+            f"evaluate --worlds simple --planners centralized-mp --episodes 1 --out {tmp_path}".split()
+        )
+    assert stop.value.code == 2
+    message = capsys.readouterr().err
+    assert "No space left" in message
+    assert "kept" in message
+
+
+def test_another_experiment_in_the_folder(tmp_path, capsys):
+    command = f"evaluate --worlds simple --planners centralized-mp --episodes 1 --out {tmp_path} --seed".split()
+    main([*command, "1"])
+    with pytest.raises(SystemExit):
+        main([*command, "2"])
+    assert "another experiment (seed differ)" in capsys.readouterr().err
+
+
+def test_weights_of_another_robot_and_damaged_weights(tmp_path):
+    from hpp_framework.errors import CheckpointError
+
+    load = hub().skills.entry("p2p").factory()
+    fetch, freight = hub().robots.create("fetch"), hub().robots.create("freight")
+    file = tmp_path / "fetch.safetensors"
+    save_checkpoint(file, load(fetch).network.state_dict(), {"skill": "p2p", "robot": "fetch"})
+    with pytest.raises(CheckpointError, match="made for robot = 'fetch', but 'freight'"):
+        load(freight, file)
+    file.write_bytes(b"not weights")
+    with pytest.raises(CheckpointError, match="cannot be read"):
+        load_checkpoint(file, {})
+
+
+def test_the_installed_command_prints_no_traceback():
+    done = subprocess.run(
+        [str(Path(sys.executable).with_name("hpp")), "run", "--world", "wal"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("hpp: There is no world called 'wal'. Did you mean 'wall'?")
