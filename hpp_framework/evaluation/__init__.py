@@ -1,1 +1,1 @@
-"""See the package documentation."""
+"""Evaluation: episodes, metrics, statistics, pictures."""

@@ -1,1 +1,1 @@
-"""See the package documentation."""
+"""Meta-planners: the search over goals, the paper's planner, its centralised baselines."""

@@ -1,1 +1,1 @@
-"""See the package documentation."""
+"""Predictors: learned motion models of a team, from collecting trajectories to rolling models out."""

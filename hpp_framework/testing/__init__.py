@@ -1,1 +1,1 @@
-"""See the package documentation."""
+"""Checks for authors of plugins."""

@@ -1,1 +1,1 @@
-"""See the package documentation."""
+"""Skill training: reinforcement learning of goal-conditioned policies."""
