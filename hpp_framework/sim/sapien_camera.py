@@ -24,7 +24,7 @@ from hpp_framework.errors import ConfigError, SimulatorError
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sim.sapien_render import rendering_problem
 from hpp_framework.sim.sapien_scene import sapien
-from hpp_framework.sim.sapien_visuals import SUN, RobotVisual, add_world
+from hpp_framework.sim.sapien_visuals import RobotVisual, add_world
 from hpp_framework.worlds.world import World
 
 SHADERS = Path(__file__).parent / "shaders" / "lambert"
@@ -46,6 +46,12 @@ MARGIN = 1.4
 
 OVERSAMPLING = 2
 """Pixels drawn per picture pixel, each way; smooths edges."""
+
+SUN_ASIDE = math.radians(55.0)
+"""Angle between the camera's and the sunlight's direction, seen from above."""
+
+SUN_SLANT = 0.55
+"""Length of the shadow of a thing 1 m high, in metres."""
 
 _AMBIENT = (0.46, 0.48, 0.52)
 _SUNLIGHT = (0.54, 0.52, 0.48)
@@ -129,9 +135,10 @@ class SceneCamera:
         # what a render system draws is its own: one for each scene
         self._scene: Any = sapien.Scene([sapien.render.RenderSystem()])
         self._scene.set_ambient_light(_AMBIENT)
-        self._scene.add_directional_light(SUN, _SUNLIGHT)
-        add_world(self._scene, world)
-        self._robots = [RobotVisual(self._scene, robot) for robot in robots]
+        sun = _sun(view)
+        self._scene.add_directional_light(sun, _SUNLIGHT)
+        add_world(self._scene, world, sun)
+        self._robots = [RobotVisual(self._scene, robot, sun) for robot in robots]
         width, height = (side * OVERSAMPLING for side in size)
         self._camera = sapien.render.RenderCameraComponent(width, height, str(SHADERS))
         self._camera.set_fovy(view.field_of_view, compute_x=True)
@@ -162,6 +169,12 @@ def _keep_engine() -> Any:
     """Hold one render system while this process lives: dropping the last one costs the next seconds."""
     sapien.render.set_camera_shader_dir(str(SHADERS))
     return sapien.render.RenderSystem()
+
+
+def _sun(view: View) -> tuple[float, float, float]:
+    """Return the direction of light over the camera's left shoulder, which lights the sides that it sees."""
+    ahead = math.atan2(view.target[1] - view.eye[1], view.target[0] - view.eye[0]) - SUN_ASIDE
+    return math.cos(ahead) * SUN_SLANT, math.sin(ahead) * SUN_SLANT, -1.0
 
 
 def _looking(view: View) -> Any:

@@ -44,6 +44,9 @@ UPRIGHT = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
 DEPENETRATION_SPEED = 3.0
 """How fast PhysX separates bodies that overlap at the start, in m/s."""
 
+RIGID = 1.0e7
+"""Moment of inertia in kg m^2 of a body that contact does not turn."""
+
 LOCKED_AXES = (False, False, True, True, True, False)
 """x, y and yaw are free (True locks)."""
 
@@ -126,8 +129,9 @@ class PhysicsScene:
         body.set_max_depenetration_velocity(DEPENETRATION_SPEED)
         body.set_mass(robot.mass)
         body.set_cmass_local_pose(sapien.Pose())
-        # a frictionless round body feels no torque; the corners of its prism would
-        body.set_inertia([1.0, 1.0, 1.0e7])
+        # PhysX applies locked axes after solving: with its own inertia a robot would answer a contact by
+        # tilting instead of stopping, and the corners of its prism would turn it
+        body.set_inertia([RIGID, RIGID, RIGID])
         self._add_entity(body, sapien.Pose())
         return body
 

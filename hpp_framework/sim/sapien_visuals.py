@@ -31,8 +31,10 @@ OBSTACLES: tuple[Color, ...] = (
 
 MESH: Color = (0.55, 0.50, 0.42)
 
-SUN = (0.45, 0.35, -1.0)
-"""Direction in which light falls."""
+Direction = tuple[float, float, float]
+
+DETAIL = 0.04
+"""Parts of a body narrower than this, in metres, throw no shadow."""
 
 SHADE = 0.55
 """Share of its light that the floor keeps in shadow."""
@@ -41,8 +43,14 @@ SHADOW_HEIGHT = 0.002
 """Shadows lie this high above the floor, in metres; the shader draws the floor's lines up to 5 mm."""
 
 
-def add_world(scene: Any, world: World) -> None:
-    """Add the visuals of a world to a scene that has a render system."""
+def add_world(scene: Any, world: World, sun: Direction) -> None:
+    """Add the visuals of a world to a scene that has a render system.
+
+    Args:
+        scene: the scene.
+        world: what to show.
+        sun: direction in which light falls; its third component is negative.
+    """
     x_min, y_min, x_max, y_max = world.bounds
     floor = Box(
         center=((x_min + x_max) / 2, (y_min + y_max) / 2),
@@ -55,34 +63,35 @@ def add_world(scene: Any, world: World) -> None:
         own = index < len(world.boxes)
         _add(scene, [_box(box, OBSTACLES[index % len(OBSTACLES)] if own else ROOM_WALL)])
         if own:
-            _add(scene, _shadow(box.corners(), box.base, box.base + box.height))
+            _add(scene, _shadow(box.corners(), box.base, box.base + box.height, sun))
     for index, cylinder in enumerate(world.cylinders):
         _add(scene, [_cylinder(cylinder, OBSTACLES[(index + 2) % len(OBSTACLES)])])
         outline = np.array(cylinder.center) + _ring(cylinder.radius)
-        _add(scene, _shadow(outline, cylinder.base, cylinder.base + cylinder.height))
+        _add(scene, _shadow(outline, cylinder.base, cylinder.base + cylinder.height, sun))
     for mesh in world.meshes:
         placed = load_mesh(mesh)
         _add(scene, [_triangles(np.asarray(placed.triangles), MESH)])
 
 
 class RobotVisual:
-    """A robot's body and the shadows of its solid parts, in a scene that has a render system.
+    """A robot's body and the shadows of its parts, in a scene that has a render system.
 
     Args:
         scene: the scene.
         robot: whose body.
+        sun: direction in which light falls.
     """
 
-    def __init__(self, scene: Any, robot: RobotSpec) -> None:
+    def __init__(self, scene: Any, robot: RobotSpec, sun: Direction) -> None:
         parts = robot.build_body() or _plain_body(robot)
         self._body = _add(scene, [_part(part) for part in parts])
-        self._solid = [part for part in parts if part.solid]
-        self._shadows = [_add(scene, _part_shadow(part)) for part in self._solid]
+        self._casting = [part for part in parts if _extent(part)[0] > DETAIL]
+        self._shadows = [_add(scene, _part_shadow(part, sun)) for part in self._casting]
 
     def place(self, x: float, y: float, theta: float) -> None:
         """Move the body to a pose; the sun stays where it is."""
         self._body.set_pose(pose_of(x, y, theta))
-        for part, shadow in zip(self._solid, self._shadows, strict=True):
+        for part, shadow in zip(self._casting, self._shadows, strict=True):
             ahead, left, _ = part.position
             cos, sin = math.cos(theta), math.sin(theta)
             shadow.set_pose(pose_of(x + cos * ahead - sin * left, y + sin * ahead + cos * left, 0.0))
@@ -95,7 +104,6 @@ def _plain_body(robot: RobotSpec) -> tuple[Part, ...]:
             shape="cylinder",
             size=(robot.footprint_radius, robot.height, 0.0),
             position=(0.0, 0.0, robot.height / 2),
-            solid=True,
         ),
     )
 
@@ -174,9 +182,9 @@ def _ring(radius: float) -> npt.NDArray[np.float64]:
     return radius * np.stack([np.cos(angles), np.sin(angles)], -1)
 
 
-def _shadow(outline: npt.NDArray[np.floating], low: float, high: float) -> list[Any]:
+def _shadow(outline: npt.NDArray[np.floating], low: float, high: float, sun: Direction) -> list[Any]:
     """Return the shadow on the floor of an upright convex prism with this outline (k, 2)."""
-    slide = np.array(SUN[:2]) / -SUN[2]
+    slide = np.array(sun[:2]) / -sun[2]
     both = np.concatenate([outline + slide * max(low, 0.0), outline + slide * high])
     rim = both[ConvexHull(both).vertices]
     flat = np.column_stack([rim, np.full(len(rim), SHADOW_HEIGHT)])
@@ -185,12 +193,18 @@ def _shadow(outline: npt.NDArray[np.floating], low: float, high: float) -> list[
     return [_triangles(fan, (red * SHADE, green * SHADE, blue * SHADE))]
 
 
-def _part_shadow(part: Part) -> list[Any]:
+def _extent(part: Part) -> tuple[float, float]:
+    """Return the radius and half the height of an upright cylinder about a part."""
+    if part.shape == "sphere":
+        return part.size[0], part.size[0]
+    if part.shape == "box":
+        return (part.size[0] + part.size[1]) / 4, part.size[2] / 2
+    radius, half = part.size[0], part.size[1] / 2
+    tilt = abs(math.cos(part.rotation[0]) * math.cos(part.rotation[1]))
+    return max(radius, half * math.sqrt(1 - tilt**2) / 2), max(radius * 0.7, half * tilt)
+
+
+def _part_shadow(part: Part, sun: Direction) -> list[Any]:
     """Return the shadow of the upright cylinder about a part, relative to the part's centre."""
-    extents = {
-        "box": ((part.size[0] + part.size[1]) / 4, part.size[2] / 2),
-        "cylinder": (part.size[0], part.size[1] / 2),
-        "sphere": (part.size[0], part.size[0]),
-    }
-    radius, half = extents[part.shape]
-    return _shadow(_ring(radius), part.position[2] - half, part.position[2] + half)
+    radius, half = _extent(part)
+    return _shadow(_ring(radius), part.position[2] - half, part.position[2] + half, sun)

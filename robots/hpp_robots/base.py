@@ -36,31 +36,62 @@ LIDAR = Lidar(
     noise_std=0.02,  # fetch_gazebo's model of it
 )
 
-_SHELL = (0.20, 0.22, 0.26)
-_SILVER = (0.72, 0.74, 0.78)
+LIGHT_SHELL = (0.62, 0.63, 0.66)
+_SHELL = (0.10, 0.11, 0.13)
+_DARK = (0.02, 0.02, 0.025)
+_SILVER = (0.62, 0.64, 0.68)
 SLOT = (0.262, 0.322)
 """Lowest and highest point of the laser slot above the floor, in metres."""
 
 
-def base_parts(trim: tuple[float, float, float]) -> tuple[Part, ...]:
-    """Return the parts of the mobile base: shell, laser slot, lid, laser, wheels.
+def base_parts(trim: tuple[float, float, float], lid: tuple[float, float, float]) -> tuple[Part, ...]:
+    """Return the parts of the mobile base: skirt, shell, laser slot, lid, laser, bumper, wheels.
 
     Args:
         trim: colour of the ring that tells one robot from the other.
+        lid: colour of the top inside that ring.
     """
     low, high = SLOT
     return (
-        Part(shape="cylinder", size=(FOOTPRINT_RADIUS, low - 0.03, 0), position=(0, 0, (low + 0.03) / 2),
-             color=_SHELL, solid=True),
-        Part(shape="cylinder", size=(PROFILE_RADIUS, high - low, 0), position=(0, 0, (low + high) / 2),
-             color=(0.08, 0.08, 0.09), solid=True),
-        Part(shape="cylinder", size=(FOOTPRINT_RADIUS, BASE_HEIGHT - high, 0),
-             position=(0, 0, (high + BASE_HEIGHT) / 2), color=trim, solid=True),
-        Part(shape="cylinder", size=(0.033, 0.05, 0), position=(0.235, 0, LIDAR.height),
-             color=(0.05, 0.05, 0.05)),
-        Part(shape="cylinder", size=(0.0605, 0.04, 0), position=(0, 0.187, 0.0605),
-             rotation=(math.pi / 2, 0, 0), color=(0.03, 0.03, 0.03)),
-        Part(shape="cylinder", size=(0.0605, 0.04, 0), position=(0, -0.187, 0.0605),
-             rotation=(math.pi / 2, 0, 0), color=(0.03, 0.03, 0.03)),
-        Part(shape="box", size=(0.02, 0.20, 0.05), position=(0.281, 0, 0.16), color=_SILVER),
+        _disc(0.278, 0.025, 0.06, _DARK),
+        _disc(FOOTPRINT_RADIUS, 0.06, low - 0.016, _SHELL, solid=True),
+        _disc(0.280, low - 0.016, low - 0.006, _SHELL),
+        _disc(0.268, low - 0.006, low, _SHELL),
+        _disc(PROFILE_RADIUS, low, high, _DARK, solid=True),
+        # the slot is open to the front only: the shell goes on behind it
+        _disc(0.215, low, high, _SHELL, x=-0.068),
+        _disc(FOOTPRINT_RADIUS, high, high + 0.026, trim, solid=True),
+        _disc(0.276, high + 0.026, high + 0.035, lid),
+        _disc(0.258, high + 0.035, BASE_HEIGHT, lid),
+        # the laser, with its window
+        _disc(0.030, low, LIDAR.height - 0.012, _DARK, x=0.235),
+        _disc(0.033, LIDAR.height - 0.012, LIDAR.height + 0.012, (0.25, 0.02, 0.02), x=0.235),
+        _disc(0.030, LIDAR.height + 0.012, high, _DARK, x=0.235),
+        # charging contacts and bumper
+        Part(shape="box", size=(0.02, 0.17, 0.035), position=(0.279, 0, 0.165), color=_SILVER),
+        Part(shape="box", size=(0.012, 0.10, 0.012), position=(0.285, 0, 0.165), color=_DARK),
+        *(
+            Part(shape="cylinder", size=(0.0605, 0.04, 0), position=(0, side * 0.187, 0.0605),
+                 rotation=(math.pi / 2, 0, 0), color=_DARK)
+            for side in (-1, 1)
+        ),
     )  # fmt: skip
+
+
+def _disc(
+    radius: float,
+    low: float,
+    high: float,
+    color: tuple[float, float, float],
+    *,
+    x: float = 0.0,
+    solid: bool = False,
+) -> Part:
+    """Return an upright cylinder between two heights above the floor."""
+    return Part(
+        shape="cylinder",
+        size=(radius, high - low, 0),
+        position=(x, 0, (low + high) / 2),
+        color=color,
+        solid=solid,
+    )

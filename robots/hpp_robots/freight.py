@@ -5,7 +5,9 @@ from __future__ import annotations
 from hpp_framework.robot import Part, RobotSpec
 from hpp_robots import base
 
-TRIM = (0.10, 0.42, 0.78)
+TRIM = (0.04, 0.28, 0.66)
+_RAIL = (0.45, 0.47, 0.50)
+_GROOVE = (0.06, 0.06, 0.07)
 
 
 def freight() -> RobotSpec:
@@ -28,15 +30,34 @@ def freight() -> RobotSpec:
 
 
 def body() -> tuple[Part, ...]:
-    """Return the base, its flat cargo plate and the emergency stop."""
+    """Return the base, the rails of its cargo top and the emergency stop."""
     top = base.BASE_HEIGHT
     return (
-        *base.base_parts(TRIM),
-        Part(shape="cylinder", size=(0.20, 0.012, 0), position=(0, 0, top + 0.006), color=(0.85, 0.86, 0.88)),
+        *base.base_parts(TRIM, TRIM),
+        Part(
+            shape="cylinder", size=(0.205, 0.008, 0), position=(0, 0, top + 0.004), color=(0.80, 0.82, 0.85)
+        ),
+        # two aluminium rails with a groove each
+        *(
+            Part(shape="box", size=(0.32, 0.035, 0.012), position=(0, side * 0.09, top + 0.012), color=_RAIL)
+            for side in (-1, 1)
+        ),
+        *(
+            Part(
+                shape="box", size=(0.322, 0.008, 0.013), position=(0, side * 0.09, top + 0.012), color=_GROOVE
+            )
+            for side in (-1, 1)
+        ),
         Part(
             shape="cylinder",
-            size=(0.022, 0.03, 0),
-            position=(-0.24, 0, top + 0.012),
-            color=(0.85, 0.08, 0.05),
+            size=(0.032, 0.014, 0),
+            position=(-0.215, 0, top + 0.006),
+            color=(0.75, 0.62, 0.06),
+        ),
+        Part(
+            shape="cylinder",
+            size=(0.022, 0.030, 0),
+            position=(-0.215, 0, top + 0.022),
+            color=(0.75, 0.04, 0.03),
         ),
     )

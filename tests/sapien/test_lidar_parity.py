@@ -2,9 +2,9 @@
 
 Edge rule: where neighbouring beams fall on different things, a micrometre decides which of them a beam meets,
 and the ranges may differ by metres although both are right. So a beam is compared if, in both simulators, its
-end lies within ``STEP`` of the straight line through the ends of its two neighbours (on a line the inverse range
-of a beam is the mean of its neighbours' but for the cosine of the 1 degree between them): the surface goes on
-smoothly to both sides. Walls pass at any slant, corners, outlines and thin legs do not.
+end lies within ``STEP`` of the straight line through the ends of its two neighbours (on a line the inverse
+range of a beam is the mean of its neighbours' but for the cosine of the 1 degree between them): the surface
+goes on smoothly to both sides. Walls pass at any slant; corners, outlines and thin legs do not.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
 sapien = pytest.importorskip("hpp_framework.sim.sapien")
 
-STEP = 0.05
+STEP = 0.02
 TOLERANCE = 0.01
 
 pytestmark = pytest.mark.sapien

@@ -20,7 +20,7 @@ OPEN = World(name="open", walled=False)
 FREE_SPACE = 0.01
 """Metres after 20 s of free driving: the batch simulator's steps of 0.05 s against ticks of 0.01 s."""
 CONTACT = 0.02
-"""Metres after contact: a robot is a prism of 32 sides in PhysX, 0.7 mm off the disc, and slides off round things."""
+"""Metres after contact: in PhysX a robot is a prism of 32 sides, 0.7 mm off the disc."""
 
 
 def robots():
@@ -28,7 +28,7 @@ def robots():
 
 
 def drive_both(team, world, poses, commands):
-    """Run commands (t, n, 2) in both; return the largest position and heading error, and who collided in each."""
+    """Run commands (t, n, 2) in both; return the largest errors, who collided in each, and the last state."""
     simulators = [BatchSimulator(team), sapien.SapienSimulator(team)]
     start = torch.tensor([poses], dtype=torch.float32)
     states = [simulator.reset([world], start) for simulator in simulators]

@@ -11,11 +11,13 @@ from hpp_framework.sim import make_simulator, rendering_problem
 from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
 pytest.importorskip("hpp_framework.sim.sapien")
-from hpp_framework.sim.sapien_camera import SceneCamera, View, team_view  # noqa: E402  # needs the package
+from hpp_framework.sim.sapien_camera import SceneCamera, View, team_view  # needs the package
 
 pytestmark = [pytest.mark.sapien, pytest.mark.render]
 
 SIZE = (160, 120)
+LEAST = 0.0005
+"""Share of half a picture that a robot's own colour covers at least."""
 WALL = World(name="wall", bounds=(-6, -6, 6, 6), boxes=(Box(center=(0.0, 0.0), size=(0.3, 4.0)),))
 START = torch.tensor([[[-2.5, 0.0, 0.0], [2.5, 0.0, 3.0]]])
 
@@ -37,7 +39,7 @@ def share(image, test):
 
 
 def orange(red, green, blue):
-    return (red > 1.6 * blue) & (red > 1.2 * green) & (red > 150)
+    return (red > 1.6 * blue) & (red > 1.15 * green) & (red > 130)
 
 
 def azure(red, green, blue):
@@ -45,15 +47,15 @@ def azure(red, green, blue):
 
 
 def test_a_picture_shows_both_robots_and_the_wall():
-    with make_simulator("sapien", robots(), render=SIZE) as simulator:
+    with make_simulator("sapien", robots(), render=(320, 240)) as simulator:
         simulator.reset([WALL], START)
         image = simulator.picture()
-        assert image.shape == (120, 160, 3)
+        assert image.shape == (240, 320, 3)
         assert image.dtype == np.uint8
-        left, right = image[:, :60], image[:, 100:]
+        left, right = image[:, :120], image[:, 200:]
         # either side shows one robot's own colour
-        assert {share(left, orange) > 0.002, share(right, orange) > 0.002} == {True, False}
-        assert {share(left, azure) > 0.002, share(right, azure) > 0.002} == {True, False}
+        assert {share(left, orange) > LEAST, share(right, orange) > LEAST} == {True, False}
+        assert {share(left, azure) > LEAST, share(right, azure) > LEAST} == {True, False}
         for _ in range(5):
             simulator.step(torch.tensor([[[1.0, 0.5], [1.0, 0.5]]]))
         assert np.mean(simulator.picture() != image) > 0.001
