@@ -26,17 +26,16 @@ class Batch:
     Attributes:
         agent_poses: of the predicting robot.
         subject_poses: of the predicted robot.
-        scans: of the predicting robot, metres.
+        scans: of the predicting robot, metres, the newest ``s``.
         goals: common goal, world coordinates.
         future: of the subject, at the offsets asked for.
-        agent_future: of the agent, at the same offsets.
         future_scans: of the agent at the first offset.
         valid: whether the offset lies within the trajectory and the goal is still the same.
     """
 
     agent_poses: Float[Tensor, "b h 3"]
     subject_poses: Float[Tensor, "b h 3"]
-    scans: Float[Tensor, "b h k"]
+    scans: Float[Tensor, "b s k"]
     goals: Float[Tensor, "b 2"]
     future: Float[Tensor, "b t 3"]
     future_scans: Float[Tensor, "b k"]

@@ -1,0 +1,160 @@
+"""What must hold of every meta-planner: decentralised, repeatable, batched equals looped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from hpp_framework.evaluation.rollout import build_agents
+from hpp_framework.planner import PlannerContext
+from hpp_framework.planning.hpp import HppConfig, HppPlanner
+from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.predictor import Predictor
+from hpp_framework.registry import hub
+from hpp_framework.seeding import torch_rng
+from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.team import parse_team
+from hpp_framework.types import Trajectories
+from hpp_framework.worlds.generators import training
+from hpp_framework.worlds.spawn import spawn_poses
+
+CASES = [
+    ("hpp", "paper"), ("hpp", "best"), ("centralized-mp", "best"), ("centralized-oa", "best"),
+    ("centralized-rp", "best"),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def team():
+    return parse_team("fetch,freight")
+
+
+@pytest.fixture(scope="module")
+def sensed(team):
+    """Four episodes, a few steps in."""
+    from hpp_framework.seeding import numpy_rng
+
+    rng = numpy_rng(5, "planners")
+    worlds = [training(rng) for _ in range(4)]
+    starts = torch.stack([torch.from_numpy(spawn_poses(w, team.robots, rng)).float() for w in worlds])
+    simulator = BatchSimulator(team.robots)
+    sensing = Sensing(team.robots, NoiseModel(), torch_rng(0, "none"))
+    sensing.reset(simulator.reset(worlds, starts))
+    for _ in range(6):
+        sensing.update(simulator.step(torch.tensor([0.5, 0.3]).expand(4, 2, 2)))
+    return sensing
+
+
+def make(team, name, preset, agent=0):
+    task = hub().tasks.create("rendezvous", team.robots)
+    return hub().planners.create(name, PlannerContext(team=team, agent=agent, task=task, preset=preset))
+
+
+@pytest.mark.parametrize(("name", "preset"), CASES)
+def test_another_robots_lidar_changes_nothing(team, sensed, name, preset):
+    """Agent 0 plans from its own observation: blind agent 1 and the plan of agent 0 is the same, bit for bit."""
+    planner = make(team, name, preset)
+    goal, _ = planner.plan(sensed.observe(0), None, torch_rng(1, "a"))
+    seen = sensed._scans[1].clone()
+    try:
+        sensed._scans[1].fill_(0.05)
+        again, _ = planner.plan(sensed.observe(0), None, torch_rng(1, "a"))
+    finally:
+        sensed._scans[1] = seen
+    assert torch.equal(goal, again)
+
+
+def test_whole_episode_of_an_agent_ignores_the_other_lidar(team, sensed):
+    task = hub().tasks.create("rendezvous", team.robots)
+    first, second = (build_agents(team, "hpp", task, seed=3)[0] for _ in range(2))
+    observation = sensed.observe(0)
+    expected = [first.act(observation) for _ in range(12)]
+    sensed_other = replace(sensed.observe(1), scans=torch.full_like(sensed.observe(1).scans, 1.0))
+    assert sensed_other.agent == 1
+    assert all(torch.equal(a, second.act(observation)) for a in expected)
+
+
+@pytest.mark.parametrize(("name", "preset"), CASES)
+def test_repeatable_and_finite(team, sensed, name, preset):
+    planner = make(team, name, preset)
+    goal, belief = planner.plan(sensed.observe(0), None, torch_rng(1, "a"))
+    again, _ = planner.plan(sensed.observe(0), None, torch_rng(1, "a"))
+    assert torch.equal(goal, again)
+    assert torch.isfinite(goal).all()
+    assert torch.isfinite(belief.mean).all()
+    assert (belief.std >= 0).all()
+    following, _ = planner.plan(sensed.observe(0), belief, torch_rng(1, "a"))
+    assert following.shape == goal.shape
+
+
+@pytest.mark.parametrize(
+    ("name", "preset"), [c for c in CASES if c[1] != "paper" and c[0] != "centralized-rp"]
+)
+def test_batched_equals_looped(team, sensed, name, preset):
+    """Planners without randomness: each episode of a batch gets the plan it would get alone."""
+    planner = make(team, name, preset)
+    observation = sensed.observe(0)
+    goals, _ = planner.plan(observation, None, torch_rng(1, "a"))
+    for row in range(4):
+        alone = replace(
+            observation, poses=observation.poses[row : row + 1], scans=observation.scans[row : row + 1],
+            velocity=observation.velocity[row : row + 1],
+        )  # fmt: skip
+        goal, _ = planner.plan(alone, None, torch_rng(1, "a"))
+        assert torch.allclose(goal[0], goals[row], atol=1e-4)
+
+
+class Arrives(Predictor):
+    """Everybody is at the goal at once, except that goals left of the y axis cannot be reached."""
+
+    def rollout(self, observation, goals, horizon):
+        reach = (goals[..., :1] > 0).float()
+        start = observation.team_poses[:, None, None]
+        there = torch.cat([goals, torch.zeros_like(goals[..., :1])], -1)[:, :, None, None]
+        poses = reach[:, :, None, None] * there + (1 - reach[:, :, None, None]) * start
+        return Trajectories(poses.expand(-1, -1, horizon, -1, -1), torch.arange(1.0, horizon + 1))
+
+
+@pytest.mark.parametrize("kind", ["cem", "lattice"])
+def test_avoids_goals_that_cannot_be_reached(team, sensed, kind):
+    task = hub().tasks.create("rendezvous", team.robots)
+    planner = (
+        HppPlanner(Arrives(), task, HppConfig())
+        if kind == "cem"
+        else LatticePlanner(Arrives(), task, LatticeConfig())
+    )
+    poses = torch.zeros(4, 5, 2, 3)
+    poses[..., 0, 1], poses[..., 1, 1] = -2.0, 2.0
+    goal, _ = planner.plan(replace(sensed.observe(0), poses=poses), None, torch_rng(0, "a"))
+    assert (goal[:, 0] > 0).all()
+
+
+def test_lattice_is_the_same_for_everybody(team, sensed):
+    """Small disagreement about poses must not shift the candidates: they are anchored in the world."""
+    planner = make(team, "hpp", "best")
+    mine = planner.candidates(sensed.observe(0))
+    moved = replace(sensed.observe(0), poses=sensed.observe(0).poses + 0.01)
+    theirs = planner.candidates(moved)
+    for row in range(4):
+        a = {tuple(p) for p in mine[row].round(decimals=3).tolist()}
+        b = {tuple(p) for p in theirs[row].round(decimals=3).tolist()}
+        assert len(a & b) > 0.7 * len(a)
+
+
+def test_a_good_goal_is_kept(team, sensed):
+    task = hub().tasks.create("rendezvous", team.robots)
+    planner = LatticePlanner(Arrives(), task, LatticeConfig())
+    goal, belief = planner.plan(sensed.observe(0), None, torch_rng(0, "a"))
+    again, _ = planner.plan(sensed.observe(0), belief, torch_rng(0, "a"))
+    assert torch.equal(goal, again)
+
+
+def test_random_point_is_shared_and_fixed(team, sensed):
+    task = hub().tasks.create("rendezvous", team.robots)
+    agents = build_agents(team, "centralized-rp", task, seed=9)
+    goals = [agent.plan(sensed.observe(i)).goal for i, agent in enumerate(agents)]
+    assert torch.equal(goals[0], goals[1])
+    assert torch.equal(agents[0].plan(sensed.observe(0)).goal, goals[0])

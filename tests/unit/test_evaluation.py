@@ -1,0 +1,96 @@
+"""Episodes, experiments and their statistics."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_experiment
+from hpp_framework.evaluation.rollout import build_agents, run_episodes
+from hpp_framework.evaluation.statistics import wilson_interval
+from hpp_framework.registry import hub
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.team import parse_team
+from hpp_framework.worlds.loader import resolve_world
+
+SMALL = Experiment(worlds=("simple", "wall"), planners=("centralized-mp", "centralized-rp"), episodes=3, seed=7)
+
+COLUMNS = {
+    "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low", "success_high",
+    "first_contact", "time_median_s", "collision_episodes", "final_distance_mean_m", "plan_ms_median",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "low", "high"),
+    # Brown, Cai and DasGupta 2001; Newcombe 1998, table I, method 3
+    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
+)
+def test_wilson_interval_matches_published_values(successes, trials, low, high):
+    found = wilson_interval(successes, trials)
+    assert found == pytest.approx((low, high), abs=1e-4)
+
+
+def test_wilson_without_trials_knows_nothing():
+    assert wilson_interval(0, 0) == (0.0, 1.0)
+
+
+def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
+    summary = run_experiment(SMALL, tmp_path / "a")
+    assert [set(row) for row in summary] == [COLUMNS] * 4
+    rows = list(csv.DictReader((tmp_path / "a" / "episodes.csv").open()))
+    assert len(rows) == 12
+    # cut off after one cell
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "config.json").write_text((tmp_path / "a" / "config.json").read_text())
+    with (tmp_path / "b" / "episodes.csv").open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows[:3])
+    again = run_experiment(SMALL, tmp_path / "b")
+    timing = {"plan_ms_median"}
+    assert [{k: v for k, v in row.items() if k not in timing} for row in again] == [
+        {k: v for k, v in row.items() if k not in timing} for row in summary
+    ]
+    assert json.loads((tmp_path / "b" / "summary.json").read_text()) == again
+
+
+def test_episodes_are_paired_across_planners():
+    factory = resolve_world("training")
+    first, start = draw_episode(SMALL, "training", factory, 1)
+    second, again = draw_episode(SMALL, "training", factory, 1)
+    other, elsewhere = draw_episode(SMALL, "training", factory, 2)
+    assert first == second
+    assert np.array_equal(start, again)
+    assert first != other
+    assert not np.array_equal(start, elsewhere)
+    assert np.linalg.norm(start[0, :2] - start[1, :2]) == pytest.approx(5.0)
+
+
+def test_one_agent_alone_and_three_together():
+    """Team size is not built in anywhere."""
+    for text in ("fetch", "fetch,freight,fetch"):
+        team = parse_team(text)
+        task = hub().tasks.create("rendezvous", team.robots)
+        world, start = draw_episode(
+            Experiment(worlds=("simple",), planners=("centralized-mp",), team=text), "simple", resolve_world("simple"), 0
+        )
+        episodes = run_episodes(
+            BatchSimulator(team.robots), [world], torch.from_numpy(start).float()[None],
+            build_agents(team, "centralized-mp", task), task, steps=10,
+        )  # fmt: skip
+        assert episodes.poses.shape[2] == len(team)
+
+
+def test_success_needs_rest():
+    """Rushing past each other is contact, not success."""
+    team = parse_team("fetch,freight")
+    task = hub().tasks.create("rendezvous", team.robots)
+    poses = torch.tensor([[[0.0, 0.0, 0.0], [0.8, 0.0, 0.0]]])
+    assert bool(task.met(poses)[0])
+    assert not bool(task.done(poses, torch.tensor([[[0.5, 0.0], [0.0, 0.0]]]))[0])
+    assert bool(task.done(poses, torch.tensor([[[0.5, 0.0], [0.5, 0.0]]]))[0])
