@@ -9,9 +9,9 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
-from av.error import FFmpegError
 import numpy as np
 import numpy.typing as npt
+from av.error import FFmpegError
 
 from hpp_framework.errors import ConfigError, HppError
 

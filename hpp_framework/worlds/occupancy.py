@@ -90,7 +90,7 @@ def free_space(world: World, *, body_height: float, resolution: float = RESOLUTI
     blocked = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
     blocked[[0, -1], :] = 1
     blocked[:, [0, -1]] = 1
-    to_pixel = _PixelGrid(np.array([x_min, y_min]), resolution)
+    to_pixel = _PixelGrid(np.array([x_min, y_min], np.float64), resolution)
     boxes = [box for box in world.boxes if box.base < body_height]
     for corners in [box.corners() for box in boxes]:
         cv2.fillPoly(blocked, [to_pixel(corners)], 1, shift=to_pixel.shift)
@@ -98,7 +98,7 @@ def free_space(world: World, *, body_height: float, resolution: float = RESOLUTI
         ends = to_pixel(np.array([[x0, y0], [x1, y1]]))
         cv2.line(blocked, ends[0].tolist(), ends[1].tolist(), 1, shift=to_pixel.shift)
     for lines in solid_outlines(world, body_height):
-        blocked |= _filled(to_pixel.cells(lines.reshape(-1, 2, 2)), blocked.shape)
+        blocked |= fill_outlines(to_pixel.cells(lines.reshape(-1, 2, 2)), blocked.shape)
     for x, y, radius in discs:
         scaled = round(float(radius) / resolution * (1 << to_pixel.shift))
         cv2.circle(blocked, to_pixel(np.array([[x, y]]))[0].tolist(), scaled, 1, -1, shift=to_pixel.shift)
@@ -121,8 +121,16 @@ class _PixelGrid:
         return np.round(self.cells(points) * (1 << self.shift)).astype(np.int32)
 
 
-def _filled(lines: npt.NDArray[np.float64], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
-    """Fill the inside of closed outlines (s, 2, 2), given as unordered lines, by the even-odd rule."""
+def fill_outlines(lines: npt.NDArray[np.float64], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    """Fill the inside of closed outlines by the even-odd rule.
+
+    Args:
+        lines: (s, 2, 2) their lines in any order and direction, column and row of each end.
+        shape: rows and columns of the result.
+
+    Returns:
+        (rows, columns) ones inside, zeros outside.
+    """
     flips = np.zeros((shape[0], shape[1] + 1), np.uint8)
     for (x0, y0), (x1, y1) in lines:
         low, high = (y0, y1) if y0 < y1 else (y1, y0)

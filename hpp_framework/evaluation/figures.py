@@ -1,0 +1,144 @@
+"""Figures: distance over time, and the picture of the catalogue. Drawn without a display or global state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from hpp_framework.errors import ConfigError, HppError
+from hpp_framework.evaluation.topdown import TopDown
+from hpp_framework.registry import hub
+from hpp_framework.seeding import numpy_rng
+from hpp_framework.worlds.spawn import spawn_poses
+
+COLORS = ("#f26a1b", "#1868c4", "#26965a", "#aa3ca0", "#c8a014", "#14a0aa", "#c8323c", "#6e5ac8")
+CATALOGUE = ("training", "simple", "wall", "navigation")
+TEAM = ("fetch", "freight")
+
+
+def plot_distance(
+    file: Path,
+    times: npt.ArrayLike,
+    distances: Mapping[str, npt.ArrayLike],
+    threshold: float | None,
+    *,
+    title: str = "",
+    ylabel: str = "distance between agents [m]",
+) -> Path:
+    """Plot the distance between agents over time: mean and inter-quartile band of each label's episodes.
+
+    Args:
+        file: the picture; its suffix chooses the format. Its folder is made if need be.
+        times: (t,) seconds.
+        distances: label to (episodes, t) or (t,) metres; NaN where an episode has ended.
+        threshold: distance that counts as success, metres; None draws no line.
+        title: above the plot.
+        ylabel: of the vertical axis.
+
+    Returns:
+        The file.
+
+    Raises:
+        ConfigError: if nothing is to be plotted or a shape does not match ``times``.
+        HppError: if the file cannot be written.
+    """
+    seconds = np.asarray(times, np.float64)
+    if not distances:
+        raise ConfigError("plot_distance: there is nothing to plot; give at least one label.")
+    figure = Figure(figsize=(6.4, 4.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    for index, (label, values) in enumerate(distances.items()):
+        episodes = np.atleast_2d(np.asarray(values, np.float64))
+        if episodes.ndim != 2 or episodes.shape[1] != len(seconds):
+            raise ConfigError(
+                f"plot_distance: '{label}' has shape {episodes.shape}, expected (episodes, {len(seconds)})."
+            )
+        color = COLORS[index % len(COLORS)]
+        mean, low, high = _summary(episodes)
+        axes.plot(seconds, mean, color=color, linewidth=2, label=label)
+        if len(episodes) > 1:
+            axes.fill_between(seconds, low, high, color=color, alpha=0.18, linewidth=0)
+    if threshold is not None:
+        axes.axhline(
+            threshold,
+            color="#30343c",
+            linewidth=1.2,
+            linestyle=(0, (4, 3)),
+            label=f"success below {threshold:.2f} m",
+        )
+    axes.set(xlabel="time [s]", ylabel=ylabel, title=title)
+    axes.set_xlim(float(seconds.min()), max(float(seconds.max()), float(seconds.min()) + 0.1))
+    axes.set_ylim(bottom=0)
+    axes.grid(color="#e4e7eb")
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False)
+    return _save(figure, Path(file))
+
+
+def draw_worlds(out: Path, *, side: int = 560) -> Path:
+    """Draw the catalogue, each world with a team at its start, into one PNG.
+
+    Args:
+        out: the picture.
+        side: pixels of each world.
+
+    Raises:
+        HppError: if the file cannot be written.
+    """
+    robots = [hub().robots.create(name) for name in TEAM]
+    tiles: list[npt.NDArray[np.uint8]] = []
+    for name in CATALOGUE:
+        world = hub().worlds.create(name, numpy_rng(0, "world"))
+        poses = spawn_poses(world, robots, numpy_rng(0, "start"))
+        tiles.append(TopDown(world, robots, size=(side, side)).frame(poses, title=name))
+    picture = np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])
+    encoded = cv2.imencode(".png", picture[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_bytes(encoded.tobytes())
+    except OSError as error:
+        raise _unwritable(out, error) from error
+    return out
+
+
+def _summary(
+    episodes: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return mean and quartiles over the episodes that still run; NaN where none does."""
+    running = np.isfinite(episodes).any(0)
+    result = np.full((3, episodes.shape[1]), np.nan)
+    if running.any():
+        result[0, running] = np.nanmean(episodes[:, running], 0)
+        result[1:, running] = np.nanquantile(episodes[:, running], (0.25, 0.75), 0)
+    return result[0], result[1], result[2]
+
+
+def _save(figure: Figure, file: Path) -> Path:
+    temporary = file.with_name(f".{file.stem}.part{file.suffix or '.png'}")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(temporary)
+        temporary.replace(file)
+    except OSError as error:
+        raise _unwritable(file, error) from error
+    except ValueError as error:
+        raise ConfigError(f"picture '{file}': {error}. Use .png, .svg or .pdf.") from error
+    finally:
+        if temporary.is_file():
+            temporary.unlink()
+    return file
+
+
+def _unwritable(file: Path, error: OSError) -> HppError:
+    reason = error.strerror or str(error)
+    return HppError(
+        f"picture '{file}' could not be written: {reason}. Choose a folder that is writable and has room."
+    )
