@@ -71,7 +71,7 @@ class PointToPoint:
     linger: float = 0.3
 
 
-def observation_space(robot: RobotSpec) -> gym.spaces.Dict:
+def observation_space(robot: RobotSpec) -> gym.Space[Any]:
     """Return the space of one robot: scan (m), goal (distance m, bearing rad), velocity (m/s, rad/s)."""
     return gym.spaces.Dict(
         {"scan": scan_space(robot), "goal": goal_space(), "velocity": command_space(robot)}
@@ -84,7 +84,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     Args:
         num_envs: number of robots.
         robot: registered robot or its data.
-        world: registered world that the pool is drawn from.
+        world: registered world or world file that the pool is drawn from.
         pool_size: number of different worlds.
         robots_per_world: robots that share a world.
         problem: arrival and rewards.

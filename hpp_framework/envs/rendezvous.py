@@ -108,10 +108,9 @@ class RendezvousEnv(gym.Env[Any, Any]):
         self._factory = hub().planners.entry(teammates).factory() if isinstance(teammates, str) else teammates
         self._skills = self.episode.team.skills()
         robot = self.episode.team.robots[learner]
-        self._views = spaces.Dict(
+        self.observation_space = spaces.Dict(
             {"scan": scan_space(robot), "poses": poses_space(count), "velocity": command_space(robot)}
         )
-        self.observation_space = self._views
         self.action_space = unit_space()
         self._told = _Told(self.config.plan_every)
         self._planners: tuple[tuple[float, float, float, float], list[MetaPlanner]] | None = None
@@ -215,7 +214,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
     def _view(self) -> dict[str, FloatArray]:
         seen = self.episode.observe(self.learner)
         return to_arrays(
-            {"scan": seen.scan, "poses": team_poses(seen), "velocity": seen.velocity}, self._views
+            {"scan": seen.scan, "poses": team_poses(seen), "velocity": seen.velocity}, self.observation_space
         )
 
 

@@ -22,7 +22,7 @@ class PointToPointEnv(gym.Env[Any, Any]):
 
     Args:
         robot: registered robot or its data.
-        world: registered world that the pool is drawn from.
+        world: registered world or world file that the pool is drawn from.
         pool_size: number of different worlds.
         problem: arrival and rewards.
         noise: disturbances of scans and poses.

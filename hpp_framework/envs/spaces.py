@@ -105,8 +105,9 @@ def team_poses(observation: Observation) -> Float[Tensor, "b n 3"]:
     )
 
 
-def to_arrays(parts: Mapping[str, Tensor], space: spaces.Dict) -> dict[str, FloatArray]:
-    """Return batch entry 0 of each part as a new array, cut off at the limits of its space."""
+def to_arrays(parts: Mapping[str, Tensor], space: spaces.Space[Any]) -> dict[str, FloatArray]:
+    """Return batch entry 0 of each part as a new array, cut off at the limits of its entry in a ``Dict``."""
+    assert isinstance(space, spaces.Dict)
     return {name: _within(part[0], space[name]) for name, part in parts.items()}
 
 

@@ -71,8 +71,9 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
         members = self.episode.team.members
         self.possible_agents = list(self.episode.team.ids)
         self.agents: list[str] = []
-        self._views = [_observation_space(member.robot, len(members)) for member in members]
-        self.observation_spaces = dict(zip(self.possible_agents, self._views, strict=True))
+        self.observation_spaces = {
+            member.id: _observation_space(member.robot, len(members)) for member in members
+        }
         self.action_spaces = {member.id: command_space(member.robot) for member in members}
         self._rng: np.random.Generator | None = None
         self._goals = np.zeros((len(members), 2), np.float32)
@@ -175,7 +176,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
             "goal": geometry.polar(seen.pose, torch.from_numpy(self._goals[index : index + 1]).to(seen.pose)),
             "velocity": seen.velocity,
         }
-        return to_arrays(parts, self._views[index])
+        return to_arrays(parts, self.observation_spaces[agent])
 
     def render(self) -> npt.NDArray[np.uint8] | None:
         """Return a top-down picture (height, width, 3), or None without a render mode.
@@ -216,7 +217,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
         }
 
 
-def _observation_space(robot: RobotSpec, count: int) -> spaces.Dict:
+def _observation_space(robot: RobotSpec, count: int) -> spaces.Space[Any]:
     return spaces.Dict(
         {
             "scan": scan_space(robot),

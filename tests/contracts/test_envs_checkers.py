@@ -64,6 +64,12 @@ def test_pettingzoo_render():
     render_test(lambda render_mode=None: parallel_to_aec(TeamEnv(render_mode=render_mode)))
 
 
+def test_gymnasium_with_the_shipped_skills():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gym.make(RENDEZVOUS).unwrapped)
+
+
 def test_registering_twice_changes_nothing():
     before = dict(gym.registry)
     with warnings.catch_warnings():

@@ -16,6 +16,7 @@ import pytest
 from hpp_framework.envs import (
     EpisodeConfig,
     HierarchyConfig,
+    PointToPoint,
     PointToPointEnv,
     PointToPointVectorEnv,
     RendezvousEnv,
@@ -26,54 +27,42 @@ from hpp_framework.team import Team
 
 NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=None, dropout=0.01)
 
+SHORT = PointToPoint(max_steps=60)
+
 Step = tuple[Any, ...]
 
+MAKERS: dict[str, Callable[[Team], Any]] = {
+    "team": lambda team: TeamEnv(team, config=EpisodeConfig(noise=NOISE)),
+    "point-to-point": lambda team: PointToPointEnv(pool_size=3, noise=NOISE, problem=SHORT),
+    "rendezvous": lambda team: RendezvousEnv(
+        team, teammates="centralized-rp", config=HierarchyConfig(episode=EpisodeConfig(noise=NOISE))
+    ),
+    "shipped skills": lambda team: RendezvousEnv(world="wall"),
+    "vector": lambda team: PointToPointVectorEnv(
+        6, robots_per_world=2, pool_size=3, noise=NOISE, problem=SHORT
+    ),
+}
 
-def team_steps(team: Team, seed: int) -> Iterator[Step]:
-    env = TeamEnv(team, config=EpisodeConfig(noise=NOISE))
+
+def steps_of(env: Any, seed: int) -> Iterator[Step]:
+    """Yield everything an environment returns in an episode that is seeded and one that goes on from it."""
     rng = np.random.default_rng(seed)
-    for episode in range(2):
-        yield env.reset(seed=seed if episode == 0 else None)
-        while env.agents:
-            yield env.step({agent: rng.uniform((0, -1), (1, 1)) for agent in env.agents})
-
-
-def single_steps(team: Team, seed: int) -> Iterator[Step]:
-    env = PointToPointEnv(pool_size=3, noise=NOISE)
-    yield from gym_steps(env, seed)
-
-
-def rendezvous_steps(team: Team, seed: int) -> Iterator[Step]:
-    config = HierarchyConfig(episode=EpisodeConfig(noise=NOISE))
-    env = RendezvousEnv(team, teammates="centralized-rp", config=config)
-    yield from gym_steps(env, seed)
-
-
-def gym_steps(env: Any, seed: int) -> Iterator[Step]:
-    rng = np.random.default_rng(seed)
-    for episode in range(2):
-        yield env.reset(seed=seed if episode == 0 else None)
+    if isinstance(env, PointToPointVectorEnv):
+        yield env.reset(seed=seed)
+        for _ in range(env.problem.max_steps + 10):
+            yield env.step(rng.uniform((0, -1), (1, 1), (env.num_envs, 2)).astype(np.float32))
+        return
+    for start in (seed, None):
+        yield env.reset(seed=start)
         over = False
         while not over:
-            step = env.step(rng.uniform(-1, 1, 2))
-            over = step[2] or step[3]
-            yield step
-
-
-def vector_steps(team: Team, seed: int) -> Iterator[Step]:
-    env = PointToPointVectorEnv(6, robots_per_world=2, pool_size=3, noise=NOISE)
-    rng = np.random.default_rng(seed)
-    yield env.reset(seed=seed)
-    for _ in range(160):
-        yield env.step(rng.uniform((0, -1), (1, 1), (6, 2)).astype(np.float32))
-
-
-KINDS: dict[str, Callable[[Team, int], Iterator[Step]]] = {
-    "team": team_steps,
-    "point-to-point": single_steps,
-    "rendezvous": rendezvous_steps,
-    "vector": vector_steps,
-}
+            if isinstance(env, TeamEnv):
+                yield env.step({agent: rng.uniform((0, -1), (1, 1)) for agent in env.agents})
+                over = not env.agents
+            else:
+                step = env.step(rng.uniform(-1, 1, 2))
+                over = step[2] or step[3]
+                yield step
 
 
 def feed(digest: Any, value: Any) -> None:
@@ -92,40 +81,51 @@ def feed(digest: Any, value: Any) -> None:
         digest.update(repr(value).encode())
 
 
-def digest_of(kind: str, team: Team, seed: int) -> str:
+def digest_of(env: Any, seed: int) -> str:
     """Return a digest of everything an environment returns over whole episodes."""
     digest = hashlib.sha256()
-    for step in KINDS[kind](team, seed):
+    for step in steps_of(env, seed):
         feed(digest, step)
     return digest.hexdigest()
 
 
+def all_digests(team: Team) -> dict[str, str]:
+    """Return a digest of each environment, freshly made."""
+    return {kind: digest_of(make(team), 7) for kind, make in MAKERS.items()}
+
+
 @pytest.fixture(scope="module")
-def first(straight_team) -> dict[str, str]:
-    return {kind: digest_of(kind, straight_team, 7) for kind in KINDS}
+def fresh(straight_team) -> dict[str, str]:
+    return all_digests(straight_team)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_episodes_replay_in_one_process(kind, straight_team, first):
-    assert digest_of(kind, straight_team, 7) == first[kind]
+@pytest.mark.parametrize("kind", MAKERS)
+def test_episodes_replay_in_a_used_environment(kind, straight_team, fresh):
+    env = MAKERS[kind](straight_team)
+    assert digest_of(env, 8) != fresh[kind]
+    assert digest_of(env, 7) == fresh[kind]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_another_seed_is_another_episode(kind, straight_team, first):
-    assert digest_of(kind, straight_team, 8) != first[kind]
-
-
-def test_episodes_replay_in_another_process(first):
+def test_episodes_replay_in_another_process(fresh):
     done = subprocess.run([sys.executable, __file__], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout.splitlines()[-1]) == first
+    assert json.loads(done.stdout.splitlines()[-1]) == fresh
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sapien
+def test_episodes_replay_on_sapien(straight_team):
+    pytest.importorskip("sapien")
+    config = EpisodeConfig(noise=NOISE, backend="sapien", max_steps=25)
+    used, unused = (TeamEnv(straight_team, world="wall", config=config) for _ in range(2))
+    assert digest_of(used, 8) != digest_of(used, 7)
+    assert digest_of(used, 7) == digest_of(unused, 7)
+
+
+@pytest.mark.parametrize("kind", MAKERS)
 def test_returned_arrays_stay_as_they_were(kind, straight_team):
     """Nothing that was handed out changes, or shares memory with what is handed out, later."""
     kept, copies = [], []
-    for number, step in enumerate(KINDS[kind](straight_team, 3)):
+    for number, step in enumerate(steps_of(MAKERS[kind](straight_team), 3)):
         arrays = list(_arrays(step))
         for old in kept[-40:]:
             for new in arrays:
@@ -154,4 +154,4 @@ if __name__ == "__main__":
 
     assert Path(sys.path[0]) == Path(__file__).parent
     torch.set_num_threads(1)
-    print(json.dumps({kind: digest_of(kind, make_straight_team(), 7) for kind in KINDS}))
+    print(json.dumps(all_digests(make_straight_team())))
