@@ -1,4 +1,4 @@
-"""Registers what the framework itself brings: worlds, planners and predictors, by the door that plugins use."""
+"""Registers what the framework itself brings: worlds, planners, predictors, by the door plugins use."""
 
 from __future__ import annotations
 
