@@ -67,9 +67,18 @@ def _packages() -> Finding:
 def _opencv() -> Finding:
     import cv2
 
-    gui = "GUI:                           NONE" not in cv2.getBuildInformation() and "QT" in cv2.getBuildInformation()
-    remedy = "pip uninstall -y opencv-python opencv-python-headless && pip install opencv-python-headless" if gui else ""
-    return Finding("opencv", f"{cv2.__version__}, {'with' if gui else 'without'} windows", fine=not gui, remedy=remedy)
+    gui = (
+        "GUI:                           NONE" not in cv2.getBuildInformation()
+        and "QT" in cv2.getBuildInformation()
+    )
+    remedy = (
+        "pip uninstall -y opencv-python opencv-python-headless && pip install opencv-python-headless"
+        if gui
+        else ""
+    )
+    return Finding(
+        "opencv", f"{cv2.__version__}, {'with' if gui else 'without'} windows", fine=not gui, remedy=remedy
+    )
 
 
 def _plugins() -> Finding:
@@ -111,7 +120,9 @@ def _pictures() -> Finding:
     problem = rendering_problem()
     if problem is None:
         return Finding("3-D pictures", "work (Vulkan)")
-    return Finding("3-D pictures", "not available; videos show the top-down view only", fine=False, remedy=problem)
+    return Finding(
+        "3-D pictures", "not available; videos show the top-down view only", fine=False, remedy=problem
+    )
 
 
 def _cuda() -> Finding:

@@ -12,7 +12,6 @@ from rich.table import Table
 
 from hpp_framework.cli.options import Noise, names
 
-
 TABLE_WIDTH = 120
 
 
@@ -82,7 +81,17 @@ class Evaluate:
 def summary_table(summary: list[dict[str, Any]]) -> Table:
     """Return the summary as a table."""
     table = Table(box=None)
-    for column in ("world", "planner", "success", "95 % interval", "contact", "time s", "collided", "distance m", "ms"):
+    for column in (
+        "world",
+        "planner",
+        "success",
+        "95 % interval",
+        "contact",
+        "time s",
+        "collided",
+        "distance m",
+        "ms",
+    ):
         table.add_column(column, justify="left" if column in ("world", "planner") else "right")
     for row in summary:
         time = "-" if row["time_median_s"] is None else f"{row['time_median_s']:.1f}"

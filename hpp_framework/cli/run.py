@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+import tyro
 
 from hpp_framework.cli.options import Noise, check_folder
 
@@ -18,7 +20,7 @@ class Run:
     top-down view only.
     """
 
-    world: str = "wall"
+    world: Annotated[str, tyro.conf.arg(aliases=("--worlds",))] = "wall"
     """Registered world or YAML file."""
     team: str = "fetch,freight"
     """Robots, separated by commas; 'id=robot' names one."""

@@ -117,7 +117,11 @@ def run_experiment(
                 progress(f"{world} / {planner}", first, experiment.episodes)
                 if not set(wanted) <= have:
                     fresh = _run_chunk(experiment, world, factories[world], planner, wanted)
-                    rows = [r for r in rows if not (r.world == world and r.planner == planner and r.episode in wanted)]
+                    rows = [
+                        r
+                        for r in rows
+                        if not (r.world == world and r.planner == planner and r.episode in wanted)
+                    ]
                     rows += fresh
                     _write_rows(out / "episodes.csv", rows)
             progress(f"{world} / {planner}", experiment.episodes, experiment.episodes)
@@ -220,7 +224,9 @@ def _open_folder(experiment: Experiment, out: Path) -> None:
 def _read_rows(file: Path) -> list[EpisodeRow]:
     if not file.exists():
         return []
-    types = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(EpisodeRow)}
+    types: dict[str, Any] = {
+        f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(EpisodeRow)
+    }
     with file.open(newline="") as stream:
         try:
             return [EpisodeRow(**{k: types[k](v) for k, v in row.items()}) for row in csv.DictReader(stream)]
@@ -238,4 +244,6 @@ def _write_rows(file: Path, rows: Sequence[EpisodeRow]) -> None:
             writer.writerows(asdict(row) for row in rows)
         temporary.replace(file)
     except OSError as error:
-        raise ConfigError(f"cannot write '{file}': {error.strerror}. Finished episodes are kept; resume later.") from error
+        raise ConfigError(
+            f"cannot write '{file}': {error.strerror}. Finished episodes are kept; resume later."
+        ) from error

@@ -93,7 +93,9 @@ def showcase(experiment: Experiment, out: Path, *, say: Any = print) -> dict[str
         2 * radius if radius is not None and len(team) == 2 else None, title=f"{name}: {verdict}",
     )  # fmt: skip
     title = f"{planner} ({experiment.preset}): {verdict}"
-    write_video(out / "episode.mp4", _frames(world, team, moments, title, say), 1 / CONTROL_PERIOD * FRAMES_PER_STEP)
+    write_video(
+        out / "episode.mp4", _frames(world, team, moments, title, say), 1 / CONTROL_PERIOD * FRAMES_PER_STEP
+    )
     say(f"video:   {out / 'episode.mp4'}\nplot:    {out / 'distance.png'}\nsummary: {out / 'summary.json'}")
     return summary
 

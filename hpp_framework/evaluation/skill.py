@@ -99,5 +99,7 @@ def evaluate_skill(
         success_low=low,
         success_high=high,
         clean=float((success & ~touched).float().mean()),
-        time_median_s=float(done[success].float().median() * CONTROL_PERIOD) if bool(success.any()) else float("nan"),
+        time_median_s=float(done[success].float().median() * CONTROL_PERIOD)
+        if bool(success.any())
+        else float("nan"),
     )

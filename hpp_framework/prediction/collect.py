@@ -99,7 +99,8 @@ def collect(team: Team, config: Collection, out: Path) -> Iterator[int]:
 def describe(team: Team, config: Collection) -> dict[str, Any]:
     """Return the metadata of a data set (JSON-compatible)."""
     members = [
-        {"id": m.id, "robot": m.robot.name, "skill": m.skill, "beams": m.robot.lidar.beams} for m in team.members
+        {"id": m.id, "robot": m.robot.name, "skill": m.skill, "beams": m.robot.lidar.beams}
+        for m in team.members
     ]
     settings = json.loads(json.dumps(asdict(config)))
     settings.pop("trajectories")  # a collection may be extended
@@ -134,7 +135,9 @@ def _write_chunk(target: Path, arrays: dict[str, npt.NDArray[Any]]) -> None:
         temporary.replace(target)
     except OSError as error:
         shutil.rmtree(temporary, ignore_errors=True)
-        raise ConfigError(f"cannot write '{target}': {error}. Earlier chunks are kept; free space and resume.") from error
+        raise ConfigError(
+            f"cannot write '{target}': {error}. Earlier chunks are kept; free space and resume."
+        ) from error
 
 
 def _simulate(team: Team, skills: list[Skill], config: Collection, index: int) -> dict[str, npt.NDArray[Any]]:

@@ -54,15 +54,24 @@ class TrajectoryData:
 
     def __init__(self, folder: Path) -> None:
         if not (folder / "meta.json").is_file():
-            raise ConfigError(f"'{folder}' is not a data set. Make one: hpp collect --team fetch,freight --out {folder}")
+            raise ConfigError(
+                f"'{folder}' is not a data set. Make one: hpp collect --team fetch,freight --out {folder}"
+            )
         self.meta: dict[str, Any] = json.loads((folder / "meta.json").read_text())
         chunks = sorted(folder.glob("chunk-?????"))
         if len(chunks) < 2:
-            raise ConfigError(f"'{folder}' holds {len(chunks)} chunks; at least 2 are needed to hold out worlds.")
+            raise ConfigError(
+                f"'{folder}' holds {len(chunks)} chunks; at least 2 are needed to hold out worlds."
+            )
         # memory-mapped: what does not fit in memory is read as it is used
-        self._chunks = [{n: np.load(c / f"{n}.npy", mmap_mode="r") for n in ("poses", "scans", "goals")} for c in chunks]
+        self._chunks = [
+            {n: np.load(c / f"{n}.npy", mmap_mode="r") for n in ("poses", "scans", "goals")} for c in chunks
+        ]
         held_out = max(1, round(VALIDATION_SHARE * len(chunks)))
-        self.parts = {"train": range(len(chunks) - held_out), "validation": range(len(chunks) - held_out, len(chunks))}
+        self.parts = {
+            "train": range(len(chunks) - held_out),
+            "validation": range(len(chunks) - held_out, len(chunks)),
+        }
         self.steps = self._chunks[0]["poses"].shape[1]
         self._poses = [torch.from_numpy(np.array(c["poses"])) for c in self._chunks]
         self._goals = [torch.from_numpy(np.array(c["goals"])) for c in self._chunks]

@@ -5,6 +5,7 @@ Poses, goals and pose changes are expressed in the frame of the predicting agent
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import cast
 
@@ -27,11 +28,11 @@ HIDDEN = (64, 128, 128, 64)
 """Units of the four layers (appendix C.3)."""
 
 RANGE_CAP = 10.0
-"""Ranges are capped here for the networks, in metres: what lies beyond does not move a robot within a second."""
+"""Ranges are capped here for the networks, in metres: what is farther does not matter within a second."""
 
 POSE_SCALE = (0.02, 0.02, 0.04)
 SCAN_SCALE = 1.0
-"""Targets are divided by these (metres, metres, radians; metres), which weighs pose against lidar in the loss."""
+"""Targets are divided by these (metres, metres, radians; metres), which weighs pose against lidar."""
 
 
 class DeltaNetwork(nn.Module):
@@ -41,11 +42,13 @@ class DeltaNetwork(nn.Module):
         beams: of the predicting agent's lidar.
     """
 
+    pose_scale: Tensor
+
     def __init__(self, beams: int) -> None:
         super().__init__()
         self.beams = beams
         widths = (HISTORY * (3 + beams) + 2, *HIDDEN)
-        layers = [nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True)]
+        layers = [nn.Linear(a, b) for a, b in pairwise(widths)]
         self.layers = nn.Sequential(*(m for layer in layers for m in (layer, nn.ReLU())))
         self.output = nn.Linear(HIDDEN[-1], 3 + beams)
         self.register_buffer("pose_scale", torch.tensor(POSE_SCALE), persistent=False)
@@ -54,7 +57,9 @@ class DeltaNetwork(nn.Module):
         self, poses: Float[Tensor, "b h 3"], scans: Float[Tensor, "b h k"], goals: Float[Tensor, "b 2"]
     ) -> Float[Tensor, "b c"]:
         """Return scaled changes (pose 3, lidar k) of poses and goals given in the agent's frame."""
-        x = torch.cat([poses.flatten(1), scans.clamp(max=RANGE_CAP).flatten(1) / RANGE_CAP, goals / RANGE_CAP], 1)
+        x = torch.cat(
+            [poses.flatten(1), scans.clamp(max=RANGE_CAP).flatten(1) / RANGE_CAP, goals / RANGE_CAP], 1
+        )
         return self.output(self.layers(x))
 
     def change(self, out: Float[Tensor, "b c"]) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b k"]]:

@@ -49,6 +49,10 @@ class FarSightedNetwork(nn.Module):
         lidar: of the predicting agent.
     """
 
+    mount: Tensor
+    grid: Tensor
+    times: Tensor
+
     def __init__(self, lidar: Lidar) -> None:
         super().__init__()
         self.first_angle = float(lidar.angles()[0])

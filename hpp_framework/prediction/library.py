@@ -36,7 +36,9 @@ def expected_metadata(kind: str, agent: Member, subject: Member, *, own: bool) -
     }
 
 
-def load_models(kind: str, request: PredictorRequest, build: Callable[[RobotSpec], nn.Module]) -> list[nn.Module]:
+def load_models(
+    kind: str, request: PredictorRequest, build: Callable[[RobotSpec], nn.Module]
+) -> list[nn.Module]:
     """Load the model of every robot of a team, as seen by one agent.
 
     Args:

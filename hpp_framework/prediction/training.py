@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -63,7 +62,9 @@ def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
     data = TrajectoryData(config.data)
     agent, subject = _members(data, config)
     own = config.agent == config.subject
-    torch.manual_seed(child_seed(config.seed, "network"))  # torch's layers initialise from the global generator only
+    torch.manual_seed(
+        child_seed(config.seed, "network")
+    )  # torch's layers initialise from the global generator only
     model = recipe.build(agent.robot)
     file = config.out / recipe.kind / f"{file_name(agent, subject, own=own)}.safetensors"
     curve = _fit(model, data, config, recipe, file)
@@ -111,7 +112,9 @@ def _fit(
         for step in range(start, config.steps):
             rng = numpy_rng(config.seed, "batch", step)
             for group in optimiser.param_groups:
-                group["lr"] = config.learning_rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * step / config.steps)))
+                group["lr"] = config.learning_rate * (
+                    0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * step / config.steps))
+                )
             loss = recipe.loss(model, _sample(data, "train", config, recipe, rng))
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
@@ -121,7 +124,9 @@ def _fit(
                 curve.append([step + 1, round(float(np.mean(running)), 6)])
                 running.clear()
                 rate = (step + 1 - start) / (time() - began)
-                progress.update(bar, completed=step + 1, description=f"{file.stem} loss {curve[-1][1]:.4f} {rate:.0f}/s")
+                progress.update(
+                    bar, completed=step + 1, description=f"{file.stem} loss {curve[-1][1]:.4f} {rate:.0f}/s"
+                )
             if (step + 1) % (10 * REPORT_EVERY) == 0 and step + 1 < config.steps:
                 _save_resume(model, optimiser, file, step + 1, curve)
     return curve
@@ -142,7 +147,10 @@ def _validate(
 ) -> dict[str, float]:
     """Return the mean errors on held-out worlds, the same batches for everybody."""
     rng = numpy_rng(0, "validation")
-    rows = [recipe.errors(model, _sample(data, "validation", config, recipe, rng)) for _ in range(VALIDATION_BATCHES)]
+    rows = [
+        recipe.errors(model, _sample(data, "validation", config, recipe, rng))
+        for _ in range(VALIDATION_BATCHES)
+    ]
     return {key: round(float(np.nanmean([row[key] for row in rows])), 4) for key in rows[0]}
 
 
@@ -155,7 +163,9 @@ def _save_resume(
 ) -> None:
     weights = {f"model.{name}": value for name, value in model.state_dict().items()}
     for index, entry in optimiser.state_dict()["state"].items():
-        weights |= {f"adam.{index}.{name}": value.reshape(value.shape or (1,)) for name, value in entry.items()}
+        weights |= {
+            f"adam.{index}.{name}": value.reshape(value.shape or (1,)) for name, value in entry.items()
+        }
     save_checkpoint(_resume_file(file), weights, {"step": step, "curve": curve})
 
 

@@ -18,7 +18,11 @@ def bowl(samples):
 
 def search(seed=0, objective=bowl, rows=2, **config):
     return cross_entropy(
-        objective, torch.zeros(rows, 2), torch.full((rows, 2), 2.0), torch_rng(seed, "cem"), CemConfig(**config)
+        objective,
+        torch.zeros(rows, 2),
+        torch.full((rows, 2), 2.0),
+        torch_rng(seed, "cem"),
+        CemConfig(**config),
     )
 
 

@@ -89,9 +89,7 @@ def test_read_only_folder(capsys):
 def test_full_disk(tmp_path, monkeypatch, capsys):
     (tmp_path / "episodes.tmp").symlink_to("/dev/full")
     with pytest.raises(SystemExit) as stop:
-        main(
-            f"evaluate --worlds simple --planners centralized-mp --episodes 1 --out {tmp_path}".split()
-        )
+        main(f"evaluate --worlds simple --planners centralized-mp --episodes 1 --out {tmp_path}".split())
     assert stop.value.code == 2
     message = capsys.readouterr().err
     assert "No space left" in message
@@ -99,7 +97,9 @@ def test_full_disk(tmp_path, monkeypatch, capsys):
 
 
 def test_another_experiment_in_the_folder(tmp_path, capsys):
-    command = f"evaluate --worlds simple --planners centralized-mp --episodes 1 --out {tmp_path} --seed".split()
+    command = (
+        f"evaluate --worlds simple --planners centralized-mp --episodes 1 --out {tmp_path} --seed".split()
+    )
     main([*command, "1"])
     with pytest.raises(SystemExit):
         main([*command, "2"])
@@ -122,7 +122,10 @@ def test_weights_of_another_robot_and_damaged_weights(tmp_path):
 
 def test_the_installed_command_prints_no_traceback():
     done = subprocess.run(
-        [str(Path(sys.executable).with_name("hpp")), "run", "--world", "wal"], capture_output=True, text=True, check=False
+        [str(Path(sys.executable).with_name("hpp")), "run", "--world", "wal"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 2
     assert done.stderr.startswith("hpp: There is no world called 'wal'. Did you mean 'wall'?")

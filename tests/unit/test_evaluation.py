@@ -17,7 +17,9 @@ from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.team import parse_team
 from hpp_framework.worlds.loader import resolve_world
 
-SMALL = Experiment(worlds=("simple", "wall"), planners=("centralized-mp", "centralized-rp"), episodes=3, seed=7)
+SMALL = Experiment(
+    worlds=("simple", "wall"), planners=("centralized-mp", "centralized-rp"), episodes=3, seed=7
+)
 
 COLUMNS = {
     "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low", "success_high",
@@ -77,7 +79,10 @@ def test_one_agent_alone_and_three_together():
         team = parse_team(text)
         task = hub().tasks.create("rendezvous", team.robots)
         world, start = draw_episode(
-            Experiment(worlds=("simple",), planners=("centralized-mp",), team=text), "simple", resolve_world("simple"), 0
+            Experiment(worlds=("simple",), planners=("centralized-mp",), team=text),
+            "simple",
+            resolve_world("simple"),
+            0,
         )
         episodes = run_episodes(
             BatchSimulator(team.robots), [world], torch.from_numpy(start).float()[None],

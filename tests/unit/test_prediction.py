@@ -110,7 +110,9 @@ def test_missing_weights_say_what_to_do(team):
     broken = lonely.members[1]
     from dataclasses import replace
 
-    stranger = replace(lonely, members=(lonely.members[0], replace(broken, robot=replace(broken.robot, name="rover"))))
+    stranger = replace(
+        lonely, members=(lonely.members[0], replace(broken, robot=replace(broken.robot, name="rover")))
+    )
     with pytest.raises(CheckpointError, match="hpp collect"):
         hub().predictors.create("far-sighted", PredictorRequest(team=stranger, agent=0))
 
@@ -157,7 +159,9 @@ def test_models_do_not_depend_on_where_the_world_has_its_origin(fetch):
     seen = observation()
     goals = torch.randn(3, 4, 2, generator=torch.Generator().manual_seed(2))
     place = torch.tensor([3.0, -2.0, 0.7])
-    moved = Observation(0, geometry.compose(place.expand_as(seen.poses), seen.poses), seen.scans, seen.velocity)
+    moved = Observation(
+        0, geometry.compose(place.expand_as(seen.poses), seen.poses), seen.scans, seen.velocity
+    )
     for model in (
         DeltaPoseLidar([DeltaNetwork(222), DeltaNetwork(222)], 0),
         FarSighted([FarSightedNetwork(fetch.lidar), FarSightedNetwork(fetch.lidar)]),
