@@ -90,6 +90,16 @@ def test_cameras_do_not_see_each_others_worlds():
     assert np.array_equal(first.picture(poses), before)
 
 
+@pytest.mark.parametrize("size", [(320, 240), (160, 120), (96, 128), (160, 120)])
+def test_light_does_not_depend_on_what_was_drawn_before(size):
+    view = View(eye=(4.0, 0.0, 2.0), target=(0.0, 0.0, 0.5))
+    image = SceneCamera(World(name="bare"), robots()[:1], view, size=size).picture(
+        np.array([[0.0, 3.0, 0.0]])
+    )
+    floor = image[-size[1] // 6, size[0] // 2]
+    assert 120 < floor.min() <= floor.max() < 220
+
+
 def test_meshes_are_visible_from_both_sides(tmp_path):
     sheet = trimesh.Trimesh([[0, -1, 0], [0, 1, 0], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]])
     sheet.export(tmp_path / "sheet.ply")

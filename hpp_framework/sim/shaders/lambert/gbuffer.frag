@@ -75,9 +75,8 @@ void main() {
   }
   // sky light from above, a little from the floor
   vec3 light = sceneBuffer.ambientLight.rgb * (0.8 + 0.2 * normal.z);
-  for (int i = 0; i < 3; ++i) {
-    light += sceneBuffer.directionalLights[i].emission.rgb
-           * max(0.0, dot(normal, -normalize(sceneBuffer.directionalLights[i].direction.xyz + vec3(0.0, 0.0, -1e-6))));
-  }
+  // one sun: what the buffer holds for lights that were never added is not defined
+  DirectionalLight sun = sceneBuffer.directionalLights[0];
+  light += sun.emission.rgb * max(0.0, dot(normal, -normalize(sun.direction.xyz)));
   outColor = vec4(pow(clamp(color * light, 0.0, 1.0), vec3(1.0 / 2.2)), 1.0);
 }
