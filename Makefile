@@ -17,8 +17,8 @@ $(STAMP): pyproject.toml constraints/ci.txt scripts/make-venv.sh
 demo: $(STAMP) vulkan ## two robots meet behind a wall, in SAPIEN: video and plot
 	@$(BIN)/hpp run --world wall --team fetch,freight --planner hpp --preset best --backend sapien --seed 0 --out $(DEMO_OUT)
 
-test: $(STAMP) ## run the tests
-	@$(BIN)/python -m pytest tests
+test: $(STAMP) ## run the tests (more options: make test PYTEST_ARGS="-n 2")
+	@$(BIN)/python -m pytest tests $(PYTEST_ARGS)
 
 lint: $(STAMP) ## style, formatting and the direction of dependencies
 	@$(BIN)/ruff check
