@@ -40,7 +40,7 @@ class Canvas:
         self._center = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2])
         self.text_scale = max(0.35, min(size) / 1200)
 
-    def pixels(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.int32]:
+    def pixels(self, points: npt.NDArray[np.floating] | npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
         """Return fixed-point pixel coordinates (..., 2) of world points (..., 2), y upwards."""
         offset = (np.nan_to_num(np.asarray(points, np.float64)) - self._center) * self.scale * (1, -1)
         places = offset + np.array([self.width / 2, self.height / 2]) - 0.5

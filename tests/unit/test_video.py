@@ -60,7 +60,7 @@ def test_no_frames_and_bad_frames_are_refused(tmp_path):
     with pytest.raises(ConfigError, match="fps"):
         write_video(file, moving_square(2), 0)
     with pytest.raises(ConfigError, match="uint8"):
-        write_video(file, [np.zeros((8, 8, 3), np.float32)], 5)
+        write_video(file, [np.zeros((8, 8), np.uint8)], 5)
     with pytest.raises(ConfigError, match="one size"):
         write_video(file, [np.zeros((8, 8, 3), np.uint8), np.zeros((8, 10, 3), np.uint8)], 5)
     assert list(tmp_path.iterdir()) == []
