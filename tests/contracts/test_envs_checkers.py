@@ -12,7 +12,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import hpp_framework.envs  # registers the ids
-from hpp_framework.envs import RendezvousEnv, TeamEnv
+from hpp_framework.envs import TeamEnv
 from hpp_framework.envs.registration import POINT_TO_POINT, RENDEZVOUS
 
 SHAPE_ADVICE = "Your observation poses has an unconventional shape"
@@ -48,9 +48,8 @@ def test_stable_baselines(make, name):
     env.close()
 
 
-@pytest.mark.parametrize("world", ["training", "wall"])
-def test_pettingzoo_api(world):
-    env = TeamEnv(world=world)
+def test_pettingzoo_api():
+    env = TeamEnv()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         parallel_api_test(env, num_cycles=220)
@@ -92,12 +91,3 @@ def test_vector_env_is_made_by_name():
             lengths += info["episode"]["l"][info["_episode"]].tolist()
     assert lengths
     assert max(lengths) <= 150
-
-
-def test_any_gymnasium_algorithm_trains_as_meta_planner(straight_team):
-    from stable_baselines3 import PPO
-
-    env = RendezvousEnv(straight_team, world="simple")
-    model = PPO("MultiInputPolicy", env, n_steps=8, batch_size=8, n_epochs=1, seed=0, device="cpu")
-    model.learn(16)
-    assert model.num_timesteps == 16

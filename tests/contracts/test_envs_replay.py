@@ -115,7 +115,7 @@ def test_episodes_replay_in_another_process(fresh):
 @pytest.mark.sapien
 def test_episodes_replay_on_sapien(straight_team):
     pytest.importorskip("sapien")
-    config = EpisodeConfig(noise=NOISE, backend="sapien", max_steps=25)
+    config = EpisodeConfig(noise=NOISE, backend="sapien", max_steps=12)
     used, unused = (TeamEnv(straight_team, world="wall", config=config) for _ in range(2))
     assert digest_of(used, 8) != digest_of(used, 7)
     assert digest_of(used, 7) == digest_of(unused, 7)
