@@ -87,7 +87,8 @@ class Part:
         position: centre, in metres.
         rotation: roll, pitch, yaw in radians (applied x, then y, then z).
         color: red, green, blue in 0..1.
-        solid: whether it takes part in contact and is seen by other robots' lidars.
+        solid: whether it belongs to the hull. Contact and lidars know the hull as ``RobotSpec``'s discs, so a
+            solid part lies within the footprint.
     """
 
     shape: Literal["box", "cylinder", "sphere"]
