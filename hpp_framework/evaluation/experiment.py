@@ -1,7 +1,7 @@
 """Compares planners over worlds: cells of episodes, written as they finish, resumed where they stopped.
 
-Episode ``e`` of world ``w`` under seed ``s`` has the same world and start for every planner, team of equal size and
-backend, so that comparisons are paired.
+Episode ``e`` of world ``w`` under seed ``s`` has the same world and start for every planner and backend, so
+that comparisons are paired.
 """
 
 from __future__ import annotations
@@ -186,6 +186,7 @@ def _rows(world: str, planner: str, wanted: range, episodes: Episodes) -> list[E
     last = episodes.last_step()
     final = episodes.spread()[torch.arange(len(last)), last]
     plan_ms = median_ms(episodes.plan_seconds)
+    done, contact = episodes.done_step.tolist(), episodes.contact_step.tolist()
 
     def seconds(step: int) -> float:
         return round(step * CONTROL_PERIOD, 3) if step >= 0 else math.nan
@@ -193,10 +194,10 @@ def _rows(world: str, planner: str, wanted: range, episodes: Episodes) -> list[E
     return [
         EpisodeRow(
             world=world, planner=planner, episode=episode,
-            success=int(episodes.done_step[i] >= 0), time_s=seconds(int(episodes.done_step[i])),
-            first_contact=int(episodes.contact_step[i] >= 0), first_contact_s=seconds(int(episodes.contact_step[i])),
-            collided=int(episodes.collided[i]), final_distance_m=round(float(final[i]), 4), steps=int(last[i]),
-            plan_ms=round(plan_ms, 4),
+            success=int(done[i] >= 0), time_s=seconds(done[i]),
+            first_contact=int(contact[i] >= 0), first_contact_s=seconds(contact[i]),
+            collided=int(episodes.collided[i]), final_distance_m=round(float(final[i]), 4),
+            steps=int(last[i]), plan_ms=round(plan_ms, 4),
         )
         for i, episode in enumerate(wanted)
     ]  # fmt: skip
@@ -210,8 +211,8 @@ def _open_folder(experiment: Experiment, out: Path) -> None:
         different = [key for key in config if found.get(key) != config[key]]
         if different:
             raise ConfigError(
-                f"'{out}' holds another experiment ({', '.join(different)} differ). Choose another --out, or repeat "
-                "the same options to resume it."
+                f"'{out}' holds another experiment ({', '.join(different)} differ). Choose another --out, or "
+                "repeat the same options to resume it."
             )
         return
     try:

@@ -1,4 +1,4 @@
-"""One episode to look at: runs it, films it from above and in 3-D, and plots the distance between the robots."""
+"""One episode to look at: runs it, films it from above and in 3-D, and plots the distance over time."""
 
 from __future__ import annotations
 
@@ -151,8 +151,9 @@ def _frames(world: World, team: Team, moments: Sequence[Moment], title: str, say
     for index, (clock, moment) in enumerate(_in_between(moments)):
         trail.append(moment.poses)
         frame = view.frame(
-            moment.poses, scans=moment.scans, goals=moment.goals, beliefs=moment.beliefs, rollouts=moment.rollouts,
-            trails=np.stack(trail), clock=clock, title=title if camera is None or index < 1 else None,
+            moment.poses, scans=moment.scans, goals=moment.goals, beliefs=moment.beliefs,
+            rollouts=moment.rollouts, trails=np.stack(trail), clock=clock,
+            title=title if camera is None or index < 1 else None,
         )  # fmt: skip
         if camera is not None:
             frame = side_by_side(camera.picture(moment.poses), frame)
@@ -177,7 +178,7 @@ def _camera(world: World, team: Team, start: npt.NDArray[np.float64], say: Any) 
 
 
 def _in_between(moments: Sequence[Moment]) -> Iterator[tuple[float, Moment]]:
-    """Yield moments with their times, poses interpolated between control steps so that motion looks smooth."""
+    """Yield moments with their times, poses interpolated between control steps for smooth motion."""
     for index, moment in enumerate(moments):
         following = moments[min(index + 1, len(moments) - 1)]
         for part in range(FRAMES_PER_STEP if index + 1 < len(moments) else 1):

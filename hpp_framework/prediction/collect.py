@@ -1,4 +1,4 @@
-"""Data collection by self-supervision: teams drive to common random goals with their own skills (section 4.1).
+"""Data collection by self-supervision: teams drive to common random goals with their own skills (sec. 4.1).
 
 A data set is a folder: ``meta.json`` and numbered chunks, each a folder of ``.npy`` files that can be mapped
 into memory. A chunk depends on the seed and its number only, so collection can stop and resume anywhere.
@@ -45,7 +45,7 @@ class Collection:
         world: registered world they are drawn from.
         near_share: share of goals drawn within ``near_radius`` of the team instead of anywhere.
         near_radius: in metres.
-        switch_share: share of trajectories whose goal changes once, between steps 10 and 50, as a planner's does.
+        switch_share: share of trajectories whose goal changes once, between steps 10 and 50, as planners do.
         start_distance: nearest and farthest neighbour at the start, in metres.
         seed: of everything.
     """
@@ -114,8 +114,8 @@ def _open_folder(out: Path, meta: dict[str, Any]) -> None:
         different = [key for key in meta if found.get(key) != meta[key]]
         if different:
             raise ConfigError(
-                f"'{out}' holds another collection ({', '.join(different)} differ). Choose another --out, or the "
-                "same team, seed and settings to extend it."
+                f"'{out}' holds another collection ({', '.join(different)} differ). Choose another --out, or "
+                "the same team, seed and settings to extend it."
             )
         return
     try:

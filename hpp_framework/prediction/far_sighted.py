@@ -1,9 +1,9 @@
 """A motion model that looks far: positions 1 to 12 s ahead, directly, without rolling errors out.
 
-Everything is expressed in the frame that has its origin at the predicted robot and its x axis towards the goal,
-so that one experience serves every direction. What lies around that robot is read off the *predicting* agent's
-scan by asking, for a grid of points, how far each lies in front of or behind what the lidar saw in its
-direction.
+Everything is expressed in the frame that has its origin at the predicted robot and its x axis towards the
+goal, so that one experience serves every direction. What lies around that robot is read off the *predicting*
+agent's scan by asking, for a grid of points, how far each lies in front of or behind what the lidar saw in
+its direction.
 """
 
 from __future__ import annotations

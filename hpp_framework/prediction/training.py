@@ -52,8 +52,8 @@ class Recipe:
 def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
     """Train one model and write weights and card; returns the weights file.
 
-    A cosine schedule lowers Adam's learning rate; state is saved every few thousand steps and training resumes
-    from it with the same batches to come.
+    A cosine schedule lowers Adam's learning rate; state is saved every few thousand steps and training
+    resumes from it with the same batches to come.
 
     Raises:
         ConfigError: if ``agent`` or ``subject`` is not in the collected team.
@@ -95,7 +95,7 @@ def _members(data: TrajectoryData, config: PredictorTraining) -> tuple[Member, M
     for name in ("agent", "subject"):
         if not 0 <= getattr(config, name) < len(team):
             raise ConfigError(
-                f"--{name} {getattr(config, name)}: the data in '{config.data}' has robots 0 to {len(team) - 1}."
+                f"--{name} {getattr(config, name)}: '{config.data}' has robots 0 to {len(team) - 1}."
             )
     return team[config.agent], team[config.subject]
 

@@ -55,7 +55,7 @@ def make(team, name, preset, agent=0):
 
 @pytest.mark.parametrize(("name", "preset"), CASES)
 def test_another_robots_lidar_changes_nothing(team, sensed, name, preset):
-    """Agent 0 plans from its own observation: blind agent 1 and the plan of agent 0 is the same, bit for bit."""
+    """Agent 0 plans from its own observation: blind agent 1, and the plan of agent 0 stays the same."""
     planner = make(team, name, preset)
     goal, _ = planner.plan(sensed.observe(0), None, torch_rng(1, "a"))
     seen = sensed._scans[1].clone()

@@ -32,9 +32,7 @@ MISTAKES = [
     ("run --seed one", ["one"]),
     ("run --noise.pose -1", ["position_std", "0 or more"]),
     ("run --noise.dropout 1.5", ["dropout"]),
-    ("run --weights nowhere --planner hpp --team fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,"
-     "fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,fetch,"
-     "fetch --world {tiny}", ["no room for 30 robots"]),
+    (f"run --team {','.join(['fetch'] * 30)} --world {{tiny}}", ["no room for 30 robots"]),
     ("evaluate --worlds simple,simple", ["'simple' twice"]),
     ("evaluate --planners hpp,,centralized-mp", ["empty entry"]),
     ("evaluate --planners centralised-mp", ["'centralized-mp'"]),

@@ -22,8 +22,9 @@ SMALL = Experiment(
 )
 
 COLUMNS = {
-    "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low", "success_high",
-    "first_contact", "time_median_s", "collision_episodes", "final_distance_mean_m", "plan_ms_median",
+    "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low",
+    "success_high", "first_contact",
+    "time_median_s", "collision_episodes", "final_distance_mean_m", "plan_ms_median",
 }  # fmt: skip
 
 
