@@ -41,7 +41,7 @@ class Belief:
     """An agent's belief over goals between two plans.
 
     Attributes:
-        goal: the goal chosen last, world coordinates.
+        goal: the shared goal chosen last, world coordinates.
         mean: of the Gaussian over goals, metres.
         std: of the Gaussian over goals, metres, an axis each.
         imagination: what the goal was chosen from, if the planner imagines.
@@ -68,7 +68,7 @@ class MetaPlanner(ABC):
     def plan(
         self, observation: Observation, belief: Belief | None, rng: torch.Generator
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return a goal in world coordinates and the updated belief.
+        """Return a goal for the agent's own skill, in world coordinates, and the updated belief.
 
         Args:
             observation: of the planning agent; nothing else may be read.

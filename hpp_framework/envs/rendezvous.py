@@ -19,7 +19,7 @@ from gymnasium import spaces
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.agent import Agent
+from hpp_framework.agent import Agent, Rest
 from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
 from hpp_framework.envs.picture import check_mode
 from hpp_framework.envs.spaces import (
@@ -128,8 +128,9 @@ class RendezvousEnv(gym.Env[Any, Any]):
         """
         super().reset(seed=seed)
         self.episode.reset(int(self.np_random.integers(2**62)), (options or {}).get("poses"))
+        rest = Rest(self.episode.task, self.episode.team.robots)
         self._agents = [
-            Agent(skill, planner, self.episode.task, self._generator(planner, i))
+            Agent(skill, planner, rest, self._generator(planner, i))
             for i, (skill, planner) in enumerate(zip(self._skills, self._team_planners(), strict=True))
         ]
         self._told.goal = self._midpoint()

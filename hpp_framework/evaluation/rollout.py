@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from hpp_framework.agent import Agent
+from hpp_framework.agent import Agent, Rest
 from hpp_framework.planner import MetaPlanner, PlannerContext
 from hpp_framework.registry import hub
 from hpp_framework.seeding import torch_rng
@@ -93,7 +93,7 @@ def build_agents(
         )
         made: MetaPlanner = hub().planners.create(planner, context)
         rng = torch_rng(seed, "agents") if made.centralised else torch_rng(seed, "agent", index)
-        agents.append(Agent(skill, made, task, rng))
+        agents.append(Agent(skill, made, Rest(task, team.robots), rng))
     return agents
 
 
@@ -131,7 +131,7 @@ def run_episodes(
     for step in range(steps):
         observations = [sensing.observe(i) for i in range(len(agents))]
         commands = torch.stack([agent.act(o) for agent, o in zip(agents, observations, strict=True)], 1)
-        goals.append(torch.stack([a.belief.goal for a in agents if a.belief is not None], 1))
+        goals.append(torch.stack([agent.goal for agent in agents], 1))
         if watch:
             watch(step, state, agents, observations)
         state = simulator.step(commands)

@@ -123,7 +123,7 @@ def _moment(state: State, agents: Sequence[Agent], observations: Sequence[Observ
     return Moment(
         poses=state.poses[0].double().cpu().numpy(),
         scans=[o.scan[0].cpu().numpy() for o in observations],
-        goals=np.stack([b.goal[0].cpu().numpy() for b in beliefs]),
+        goals=np.stack([agent.goal[0].cpu().numpy() for agent in agents]),
         beliefs=(
             np.stack([b.mean[0].cpu().numpy() for b in beliefs]),
             np.stack([b.std[0].cpu().numpy() for b in beliefs]),
