@@ -45,10 +45,10 @@ def test_centralised_midpoint_meets_in_an_empty_room(straight_team):
 
 def test_truncates_after_a_hundred_control_steps(straight_team):
     env = RendezvousEnv(straight_team, world="simple", config=HierarchyConfig(plan_every=30))
-    env.reset(seed=0, options={"poses": [[-8, 0, 0], [8, 0, 3]]})
+    env.reset(seed=0, options={"poses": [[-9, -9, 0], [9, 9, 3]]})
     steps, truncated = [], False
     while not truncated:
-        _, _, terminated, truncated, info = env.step(np.array([-1.0, 1.0]))
+        _, _, terminated, truncated, info = env.step(np.array([-1.0, -1.0]))
         steps.append(info["steps"])
         assert not terminated
     assert steps == [30, 30, 30, 10]

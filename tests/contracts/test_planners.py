@@ -146,10 +146,36 @@ def test_lattice_is_the_same_for_everybody(team, sensed):
 
 def test_a_good_goal_is_kept(team, sensed):
     task = hub().tasks.create("rendezvous", team.robots)
-    planner = LatticePlanner(Arrives(), task, LatticeConfig())
+    planner = LatticePlanner(Arrives(), task, LatticeConfig(evidence=0.0))
     goal, belief = planner.plan(sensed.observe(0), None, torch_rng(0, "a"))
     again, _ = planner.plan(sensed.observe(0), belief, torch_rng(0, "a"))
     assert torch.equal(goal, again)
+
+
+class Walks(Predictor):
+    """Everybody walks 1 m towards the goal in the first second and is there in the next."""
+
+    def rollout(self, observation, goals, horizon):
+        start = observation.team_poses[:, None, :, :2]
+        towards = goals[:, :, None] - start
+        first = start + towards / towards.norm(dim=-1, keepdim=True).clamp(min=1.0)
+        there = goals[:, :, None].expand_as(first)
+        xy = torch.stack([first, *[there] * (horizon - 1)], 2)
+        return Trajectories(torch.cat([xy, torch.zeros_like(xy[..., :1])], -1), torch.arange(1.0, horizon + 1))
+
+
+def test_motion_is_evidence_of_goals(team, sensed):
+    """Whoever sees everybody walk north wants to meet in the north, though all goals score alike."""
+    task = hub().tasks.create("rendezvous", team.robots)
+    planner = LatticePlanner(Walks(), task, LatticeConfig(keep=0.0, evidence=10.0))
+    poses = torch.zeros(4, 5, 2, 3)
+    poses[..., 0, 0], poses[..., 1, 0] = -0.4, 0.4
+    before = replace(sensed.observe(0), poses=poses)
+    _, belief = planner.plan(before, None, torch_rng(0, "a"))
+    moved = poses + torch.tensor([0.0, 1.0, 0.0])
+    goal, _ = planner.plan(replace(before, poses=moved), belief, torch_rng(0, "a"))
+    assert (goal[:, 1] > 1.5).all()
+    assert (goal[:, 0].abs() < 1.0).all()
 
 
 def test_random_point_is_shared_and_fixed(team, sensed):

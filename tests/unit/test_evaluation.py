@@ -100,3 +100,23 @@ def test_success_needs_rest():
     assert bool(task.met(poses)[0])
     assert not bool(task.done(poses, torch.tensor([[[0.5, 0.0], [0.0, 0.0]]]))[0])
     assert bool(task.done(poses, torch.tensor([[[0.5, 0.0], [0.5, 0.0]]]))[0])
+
+
+def test_agents_brake_in_time_to_rest_together():
+    """Two robots that rush at each other begin to brake before they are close."""
+    from hpp_framework.agent import Rest
+    from hpp_framework.types import Observation
+
+    team = parse_team("fetch,freight")
+    rest = Rest(hub().tasks.create("rendezvous", team.robots), team.robots)
+
+    def seen(gap, speed):
+        poses = torch.zeros(1, 5, 2, 3)
+        steps = torch.arange(-4, 1) * 0.2 * speed
+        poses[0, :, 0, 0], poses[0, :, 1, 0] = steps, gap - steps
+        return Observation(0, poses, torch.ones(1, 5, 222), torch.zeros(1, 2))
+
+    assert not bool(rest(seen(4.0, 1.0)))
+    assert bool(rest(seen(2.5, 1.0)))
+    assert not bool(rest(seen(2.5, 0.2)))
+    assert bool(rest(seen(0.9, 0.0)))
