@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
+from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.statistics import wilson_interval
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import numpy_rng, torch_rng
@@ -14,11 +17,13 @@ from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.skill import Skill
-from hpp_framework.worlds.pool import build_pool
+from hpp_framework.worlds.pool import WorldPool, build_pool
 
 GOAL_RADIUS = 0.3
 REST_SPEED = 0.15
 DWELL = 5
+STARTS = 32
+"""Points of a world that are tried as starts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,37 +53,30 @@ def evaluate_skill(
     *,
     world: str = "training",
     episodes: int = 500,
-    worlds: int = 250,
     goal_distance: tuple[float, float] = (5.0, 10.0),
     steps: int = 200,
     noise: NoiseModel | None = None,
     seed: int = 0,
 ) -> SkillScore:
-    """Drive one robot to one reachable goal an episode.
+    """Drive one robot to one reachable goal an episode, each episode in a world of its own.
 
     Args:
         skill: what drives.
         robot: what it drives.
         world: registered world.
         episodes: how many.
-        worlds: different worlds among them.
         goal_distance: nearest and farthest goal, straight line, in metres.
         steps: control steps before an episode counts as failed (200 are 40 s).
         noise: disturbances of what is observed.
         seed: of worlds, starts and goals.
+
+    Raises:
+        ConfigError: if a world has no goal at the distance asked for.
     """
-    pool = build_pool(world, worlds, [robot], seed=seed)
-    rng = numpy_rng(seed, "evaluate-skill")
-    index = np.arange(episodes) % worlds
-    points = pool.points[index]
-    start = points[:, 0]
-    distance = np.linalg.norm(points - start[:, None], axis=-1)
-    suitable = (distance >= goal_distance[0]) & (distance <= goal_distance[1])
-    goal = torch.from_numpy(points[np.arange(episodes), suitable.argmax(1)])
-    heading = rng.uniform(-np.pi, np.pi, (episodes, 1))
-    poses = torch.from_numpy(np.concatenate([start, heading], 1)).float()[:, None]
+    pool = build_pool(world, episodes, [robot], seed=seed)
+    poses, goal = _journeys(pool, goal_distance, numpy_rng(seed, "evaluate-skill"))
     simulator = BatchSimulator([robot])
-    state = simulator.reset([pool.worlds[i] for i in index], poses)
+    state = simulator.reset(pool.worlds, poses)
     sensing = Sensing([robot], noise or NoiseModel(), torch_rng(seed, "sensing"))
     sensing.reset(state)
     done = torch.full((episodes,), -1)
@@ -103,3 +101,21 @@ def evaluate_skill(
         if bool(success.any())
         else float("nan"),
     )
+
+
+def _journeys(
+    pool: WorldPool, goal_distance: tuple[float, float], rng: np.random.Generator
+) -> tuple[Float[Tensor, "b 1 3"], Float[Tensor, "b 2"]]:
+    """Draw a start pose and a goal at the distance asked for in each world of a pool."""
+    rows = np.arange(len(pool))
+    gaps = np.linalg.norm(pool.points[:, :, None] - pool.points[:, None, :STARTS], axis=-1)
+    suitable = (gaps >= goal_distance[0]) & (gaps <= goal_distance[1])
+    if not suitable.any((1, 2)).all():
+        raise ConfigError(f"some worlds have no goal {goal_distance[0]} to {goal_distance[1]} m away.")
+    # the start is the first point that has any such goal, the goal a random one of those
+    start = suitable.any(1).argmax(1)
+    choices = suitable[rows, :, start]
+    goal = np.where(choices, rng.random(choices.shape), -1.0).argmax(1)
+    heading = rng.uniform(-np.pi, np.pi, (len(pool), 1))
+    poses = np.concatenate([pool.points[rows, start], heading], 1)
+    return torch.from_numpy(poses).float()[:, None], torch.from_numpy(pool.points[rows, goal])
