@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import torch
@@ -11,17 +10,17 @@ from torch import Tensor
 
 from hpp_framework.planner import Belief, MetaPlanner
 from hpp_framework.robot import RobotSpec
+from hpp_framework.seeding import torch_rng
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.skill import Skill
 from hpp_framework.task import Task
 from hpp_framework.types import Observation
 
-
 SPEED_STEPS = 3
 """Control steps over which observed motion is averaged."""
 
 BRAKING_SHARE = 0.85
-"""Share of the braking distance that is looked ahead, so that robots come to rest well within the task's reach."""
+"""Share of the braking distance that is looked ahead: robots come to rest well within the task's reach."""
 
 
 class Rest:
@@ -53,6 +52,17 @@ class Rest:
         return self.task.met(poses) | self.task.met(halted)
 
 
+def agent_rng(planner: MetaPlanner, seed: int, index: int) -> torch.Generator:
+    """Return the randomness of one agent: its own, or the team's if its planner is centralised.
+
+    Args:
+        planner: the agent's.
+        seed: of the whole team's randomness.
+        index: of the agent in the team.
+    """
+    return torch_rng(seed, "agents") if planner.centralised else torch_rng(seed, "agent", index)
+
+
 class Agent:
     """Plans every ``plan_every`` steps, drives every step, rests when that fulfils the task.
 
@@ -70,7 +80,6 @@ class Agent:
         self.rng = rng
         self.belief: Belief | None = None
         self.goal: Tensor = torch.empty(0, 2)
-        self.plan_seconds: list[float] = []
         self._countdown = 0
 
     def act(self, observation: Observation) -> Float[Tensor, "b 2"]:
@@ -85,8 +94,6 @@ class Agent:
 
     def plan(self, observation: Observation) -> Belief:
         """Choose a goal now, whatever the schedule says, and restart the schedule."""
-        started = time.perf_counter()
         self.goal, self.belief = self.planner.plan(observation, self.belief, self.rng)
-        self.plan_seconds.append(time.perf_counter() - started)
         self._countdown = self.planner.plan_every
         return self.belief

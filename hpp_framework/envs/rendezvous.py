@@ -19,7 +19,7 @@ from gymnasium import spaces
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.agent import Agent, Rest
+from hpp_framework.agent import Agent, Rest, agent_rng
 from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
 from hpp_framework.envs.picture import check_mode
 from hpp_framework.envs.spaces import (
@@ -35,7 +35,6 @@ from hpp_framework.envs.spaces import (
 from hpp_framework.errors import ConfigError, SimulatorError
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
 from hpp_framework.registry import hub
-from hpp_framework.seeding import torch_rng
 from hpp_framework.sim import CONTROL_PERIOD
 from hpp_framework.team import Team
 from hpp_framework.types import Observation
@@ -130,7 +129,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         self.episode.reset(int(self.np_random.integers(2**62)), (options or {}).get("poses"))
         rest = Rest(self.episode.task, self.episode.team.robots)
         self._agents = [
-            Agent(skill, planner, rest, self._generator(planner, i))
+            Agent(skill, planner, rest, agent_rng(planner, self.episode.seed, i))
             for i, (skill, planner) in enumerate(zip(self._skills, self._team_planners(), strict=True))
         ]
         self._told.goal = self._midpoint()
@@ -201,13 +200,6 @@ class RendezvousEnv(gym.Env[Any, Any]):
                 planners.append(self._told if i == self.learner else self._factory(context))
             self._planners = (bounds, planners)
         return self._planners[1]
-
-    def _generator(self, planner: MetaPlanner, agent: int) -> torch.Generator:
-        return (
-            torch_rng(self.episode.seed, "agents")
-            if planner.centralised
-            else torch_rng(self.episode.seed, "agent", agent)
-        )
 
     def _midpoint(self) -> Float[Tensor, "1 2"]:
         return self.episode.observe(self.learner).team_poses[..., :2].mean(1)
