@@ -18,7 +18,7 @@ import numpy.typing as npt
 import torch
 
 from hpp_framework.envs.picture import Picture
-from hpp_framework.envs.spaces import check_bounds
+from hpp_framework.envs.spaces import check_bounds, to_numbers
 from hpp_framework.errors import ConfigError, SimulatorError
 from hpp_framework.registry import hub
 from hpp_framework.seeding import numpy_rng, torch_rng
@@ -99,8 +99,8 @@ class TeamEpisode:
             poses = spawn_poses(
                 self.world, self.team.robots, numpy_rng(seed, "starts"), space=self.free_space()
             )
-        elif np.shape(poses) != (len(self.team), 3):
-            raise ConfigError(f"start poses must have shape ({len(self.team)}, 3), got {np.shape(poses)}.")
+        elif to_numbers(poses).shape != (len(self.team), 3):
+            raise ConfigError(f"start poses must be numbers of shape ({len(self.team)}, 3), got {poses!r}.")
         start = torch.as_tensor(np.asarray(poses, np.float32))[None]
         self.state = self._simulator.reset([self.world], start)
         self._sensing = Sensing(self.team.robots, self.config.noise, torch_rng(seed, "sensing"))

@@ -73,10 +73,7 @@ def check_action(action: object, whose: str, meaning: str) -> FloatArray:
     Raises:
         SimulatorError: if it is not two finite numbers.
     """
-    try:
-        numbers = np.asarray(action, np.float32)
-    except (TypeError, ValueError):
-        numbers = np.zeros(0, np.float32)
+    numbers = to_numbers(action)
     if numbers.shape != (2,):
         raise SimulatorError(f"the action of {whose} must be two numbers {meaning}, got {action!r}.")
     if not np.isfinite(numbers).all():
@@ -84,6 +81,14 @@ def check_action(action: object, whose: str, meaning: str) -> FloatArray:
             f"the action of {whose} is not finite: {numbers.tolist()}. Actions are {meaning}."
         )
     return numbers
+
+
+def to_numbers(given: object) -> FloatArray:
+    """Return what a user gave as an array of float32, an empty one if it is no array of numbers."""
+    try:
+        return np.asarray(given, np.float32)
+    except (TypeError, ValueError):
+        return np.zeros(0, np.float32)
 
 
 def check_bounds(world: World) -> None:

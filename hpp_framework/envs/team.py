@@ -27,6 +27,7 @@ from hpp_framework.envs.spaces import (
     scan_space,
     team_poses,
     to_arrays,
+    to_numbers,
 )
 from hpp_framework.errors import ConfigError, SimulatorError, unknown_name
 from hpp_framework.robot import RobotSpec
@@ -124,7 +125,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
         for agent, goal in goals.items():
             if agent not in self.possible_agents:
                 raise unknown_name("agent", agent, self.possible_agents)
-            point = np.asarray(goal, np.float32)
+            point = to_numbers(goal)
             if point.shape != (2,) or not np.isfinite(point).all():
                 raise ConfigError(
                     f"the goal of agent '{agent}' must be two finite numbers [x, y], got {goal!r}."

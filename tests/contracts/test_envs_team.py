@@ -206,8 +206,12 @@ def test_bad_use_is_explained():
         env.set_goals({"fech": (0, 0)})
     with pytest.raises(ConfigError, match="two finite numbers"):
         env.set_goals({"fetch": (0, math.nan)})
+    with pytest.raises(ConfigError, match="two finite numbers"):
+        env.set_goals({"fetch": "there"})
     with pytest.raises(ConfigError, match="shape"):
         env.reset(options={"poses": [[0, 0, 0]]})
+    with pytest.raises(ConfigError, match="shape"):
+        env.reset(options={"poses": [[0, 0], [0]]})
 
 
 def test_worlds_without_room_or_too_far_away_are_refused():
