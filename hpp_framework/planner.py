@@ -53,6 +53,10 @@ class Belief:
     imagination: Imagination | None = None
 
 
+PRESETS = ("paper", "best")
+"""Presets that commands offer; planners without presets ignore them."""
+
+
 class MetaPlanner(ABC):
     """Chooses goals for one agent.
 

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import unknown_name
+from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.planner import Belief, Imagination, MetaPlanner, PlannerContext
 from hpp_framework.planning.cem import CemConfig, cross_entropy
 from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
@@ -37,6 +37,10 @@ class HppConfig:
     horizon: int = 5
     plan_every: int = 10
     cem: CemConfig = CemConfig()
+
+    def __post_init__(self) -> None:
+        if self.horizon < 1 or self.plan_every < 1:
+            raise ConfigError(f"HPP needs horizon >= 1 and plan_every >= 1, got {self}.")
 
 
 class HppPlanner(MetaPlanner):

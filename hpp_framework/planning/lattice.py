@@ -3,8 +3,8 @@
 A lattice anchored in the world frame is a convention, like driving on the right: it needs no communication,
 and it turns "nearly the same goal" into "the same goal". What robots do is evidence of what they want: goals
 that explain how everybody (oneself included) has moved since the last plan gain weight. Everybody sees
-everybody move, so the evidence is nearly the same for all, and the team drifts towards one goal instead of each
-robot waiting for the others to come to it.
+everybody move, so the evidence is nearly the same for all, and the team drifts towards one goal instead of
+each robot waiting for the others to come to it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from hpp_framework.errors import ConfigError
 from hpp_framework.planner import Belief, Imagination, MetaPlanner
 from hpp_framework.predictor import Predictor
 from hpp_framework.sim.simulator import CONTROL_PERIOD
@@ -32,7 +33,8 @@ class LatticeConfig:
         horizon: prediction steps.
         plan_every: control steps between plans; the first predicted time must not come later.
         spacing: of the lattice points, metres.
-        reach: largest distance of a candidate from the midpoint of the team, metres.
+        reach: about the largest distance of a candidate from the midpoint of the team, metres; the set is
+            centred on the lattice point nearest to the midpoint.
         keep: a goal is kept while no candidate scores better by more than this (in units of reward).
         evidence: weight of the evidence against the reward; 0 switches inference off.
         surprise: standard deviation of positions around a correct prediction, metres.
@@ -50,6 +52,19 @@ class LatticeConfig:
     surprise: float = 0.15
     memory: float = 0.7
     temperature: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("horizon", "plan_every"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"lattice: {name} must be at least 1, got {getattr(self, name)}.")
+        for name in ("spacing", "reach", "surprise", "temperature"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ConfigError(f"lattice: {name} must be positive, got {getattr(self, name)}.")
+        for name in ("keep", "evidence"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ConfigError(f"lattice: {name} must be 0 or more, got {getattr(self, name)}.")
+        if not 0 <= self.memory <= 1:
+            raise ConfigError(f"lattice: memory is a share between 0 and 1, got {self.memory}.")
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,10 @@ from dataclasses import replace
 import pytest
 import torch
 
+from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.rollout import build_agents
-from hpp_framework.planner import PlannerContext
+from hpp_framework.planner import PRESETS, PlannerContext
+from hpp_framework.planning.hpp import PRESETS as hpp_presets
 from hpp_framework.planning.hpp import HppConfig, HppPlanner
 from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
 from hpp_framework.predictor import Predictor
@@ -161,7 +163,9 @@ class Walks(Predictor):
         first = start + towards / towards.norm(dim=-1, keepdim=True).clamp(min=1.0)
         there = goals[:, :, None].expand_as(first)
         xy = torch.stack([first, *[there] * (horizon - 1)], 2)
-        return Trajectories(torch.cat([xy, torch.zeros_like(xy[..., :1])], -1), torch.arange(1.0, horizon + 1))
+        return Trajectories(
+            torch.cat([xy, torch.zeros_like(xy[..., :1])], -1), torch.arange(1.0, horizon + 1)
+        )
 
 
 def test_motion_is_evidence_of_goals(team, sensed):
@@ -184,3 +188,20 @@ def test_random_point_is_shared_and_fixed(team, sensed):
     goals = [agent.plan(sensed.observe(i)).goal for i, agent in enumerate(agents)]
     assert torch.equal(goals[0], goals[1])
     assert torch.equal(agents[0].plan(sensed.observe(0)).goal, goals[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("spacing", 0.0), ("reach", -1.0), ("surprise", 0.0), ("temperature", 0.0), ("spacing", float("nan")),
+        ("horizon", 0), ("plan_every", 0), ("memory", 1.1), ("memory", -0.1), ("keep", -0.1),
+        ("evidence", -1.0), ("reach", float("inf")),
+    ],
+)  # fmt: skip
+def test_unusable_parameters_of_the_lattice_are_refused(name, value):
+    with pytest.raises(ConfigError, match=name):
+        LatticeConfig(**{name: value})
+
+
+def test_commands_offer_the_presets_that_there_are():
+    assert set(PRESETS) == set(hpp_presets)
