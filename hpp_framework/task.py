@@ -16,16 +16,23 @@ class Task(ABC):
 
     Attributes:
         sustain_steps: consecutive control steps that :meth:`done` must hold for success.
+        radius: distance from the team's centre in metres within which everybody fulfils the objective, for
+            plots; None where the objective is no such distance.
     """
 
     sustain_steps: int = 5
+    radius: float | None = None
 
     @abstractmethod
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
         """Return the reward of team poses (world frame)."""
 
     def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
-        """Return the reward of an imagined trajectory; that of its end unless a task says otherwise."""
+        """Return the reward of an imagined trajectory; that of its end unless a task says otherwise.
+
+        Only planner ``hpp`` with preset ``paper`` asks for it; preset ``best`` averages :meth:`reward` over
+        the times of a trajectory instead.
+        """
         return self.reward(poses[..., -1, :, :])
 
     @abstractmethod

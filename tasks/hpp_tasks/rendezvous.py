@@ -37,7 +37,8 @@ class Rendezvous(Task):
     """
 
     def __init__(self, radius: float) -> None:
-        self.radius = radius
+        # narrower than in Task: a rendezvous always has a radius
+        self.radius: float = radius  # pyright: ignore[reportIncompatibleVariableOverride]  # see above
 
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
         """Return Eq. 1: 0 within ``radius`` of the centre, else minus all distances, each pair twice."""
