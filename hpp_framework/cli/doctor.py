@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from rich.console import Console
+from rich.markup import escape
 
 PACKAGES = (
     "hpp-framework", "torch", "numpy", "gymnasium", "pettingzoo", "stable-baselines3", "warp-lang", "sapien",
@@ -36,9 +37,9 @@ class Doctor:
         for check in (_python, _packages, _opencv, _plugins, _batch, _sapien, _pictures, _cuda, _weights):
             finding = _safely(check)
             mark = "[green]ok[/]  " if finding.fine else "[yellow]--[/]  "
-            console.print(f"{mark}{finding.what}: {finding.detail}")
+            console.print(f"{mark}{escape(finding.what)}: {escape(finding.detail)}")
             if finding.remedy:
-                console.print(f"      {finding.remedy}")
+                console.print(f"      {escape(finding.remedy)}")
 
 
 def _safely(check: Callable[[], Finding]) -> Finding:

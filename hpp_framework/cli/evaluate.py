@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
@@ -70,7 +71,7 @@ class Evaluate:
 
             def report(cell: str, done: int, total: int) -> None:
                 if cell not in bars:
-                    bars[cell] = progress.add_task(cell, total=total)
+                    bars[cell] = progress.add_task(escape(cell), total=total)
                 progress.update(bars[cell], completed=done)
 
             summary = run_experiment(experiment, self.out, progress=report)
@@ -96,7 +97,7 @@ def summary_table(summary: list[dict[str, Any]]) -> Table:
     for row in summary:
         time = "-" if row["time_median_s"] is None else f"{row['time_median_s']:.1f}"
         table.add_row(
-            row["world"], row["planner"], f"{row['success']:.2f}",
+            escape(row["world"]), escape(row["planner"]), f"{row['success']:.2f}",
             f"{row['success_low']:.2f} .. {row['success_high']:.2f}", f"{row['first_contact']:.2f}", time,
             f"{row['collision_episodes']}/{row['episodes']}", f"{row['final_distance_mean_m']:.2f}",
             f"{row['plan_ms_median']:.1f}",

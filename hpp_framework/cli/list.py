@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from hpp_framework.errors import unknown_name
@@ -32,5 +33,5 @@ class List:
             for column in ("name", "what it is", "from"):
                 table.add_column(column, overflow="fold")
             for entry in hub().registries()[kind]:
-                table.add_row(entry.name, entry.summary, entry.origin)
+                table.add_row(escape(entry.name), escape(entry.summary), escape(entry.origin))
             console.print(table, end="\n\n")
