@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from hpp_framework.errors import CheckpointError
+from hpp_framework.errors import CheckpointError, ConfigError
 
 FORMAT = 1
 
@@ -24,14 +26,30 @@ def save_checkpoint(file: Path, weights: Mapping[str, Tensor], metadata: Mapping
         file: ends in ``.safetensors``.
         weights: a state dict.
         metadata: what the weights were made for and with; JSON-compatible.
+
+    Raises:
+        CheckpointError: if the file cannot be written, e.g. because the disk is full; an earlier one is kept.
     """
-    file.parent.mkdir(parents=True, exist_ok=True)
     described = {"format": FORMAT, **metadata}
     tensors = {name: tensor.detach().cpu().contiguous().float() for name, tensor in weights.items()}
     temporary = file.with_suffix(".tmp")
-    save_file(tensors, temporary, metadata={"card": json.dumps(described)})
-    temporary.replace(file)
-    file.with_suffix(".json").write_text(json.dumps(described, indent=2) + "\n")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        save_file(tensors, temporary, metadata={"card": json.dumps(described)})
+        temporary.replace(file)
+        file.with_suffix(".json").write_text(json.dumps(described, indent=2) + "\n")
+    except (SafetensorError, OSError) as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise CheckpointError(cannot_write(file, error)) from error
+
+
+def cannot_write(file: Path, error: Exception) -> str:
+    """Return what to say when weights or a snapshot cannot be written."""
+    return (
+        f"cannot write '{file}': {error}. Free space or allow writing; the same command then resumes from "
+        "the last snapshot, if there is one."
+    )
 
 
 def load_checkpoint(file: Path, expected: Mapping[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -45,18 +63,27 @@ def load_checkpoint(file: Path, expected: Mapping[str, Any]) -> tuple[dict[str, 
         The state dict and all metadata.
 
     Raises:
-        CheckpointError: if the file is missing or damaged, or its metadata differ; names the field.
+        CheckpointError: if the file is missing or damaged, of another format, or its metadata differ; names
+            the field.
     """
     if not file.is_file():
         raise CheckpointError(f"weights file '{file}' does not exist.")
     try:
         with safe_open(file, framework="pt") as stream:
-            metadata = json.loads((stream.metadata() or {}).get("card", "{}"))
+            metadata: Any = json.loads((stream.metadata() or {}).get("card", "{}"))
             weights = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118  # not a dict
     except (SafetensorError, OSError, json.JSONDecodeError) as error:
         raise CheckpointError(
             f"weights file '{file}' cannot be read: {error}. Train or copy it again."
         ) from error
+    if not isinstance(metadata, dict):
+        raise CheckpointError(f"weights file '{file}' cannot be read: its card is no JSON object.")
+    # weights without a card, written by other programs, name no format
+    if metadata.get("format", FORMAT) != FORMAT:
+        raise CheckpointError(
+            f"weights file '{file}' has format {metadata['format']!r}, but this version reads {FORMAT}. "
+            "Train it again, or use the version that wrote it."
+        )
     for key, value in expected.items():
         if metadata.get(key) != value:
             raise CheckpointError(
@@ -75,3 +102,41 @@ def load_into(module: torch.nn.Module, weights: Mapping[str, Tensor], file: Path
         module.load_state_dict(dict(weights))
     except RuntimeError as error:
         raise CheckpointError(f"weights file '{file}' does not fit the network: {error}") from error
+
+
+def require_same_run(file: Path, saved: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Refuse to resume from the snapshot of another training.
+
+    Args:
+        file: the snapshot.
+        saved: options of the training it was taken of.
+        wanted: options of the training that would resume; JSON-compatible.
+
+    Raises:
+        ConfigError: if any differ; names them and the remedy.
+    """
+    plain: dict[str, Any] = json.loads(json.dumps(dict(wanted)))
+    different = [key for key in plain if saved.get(key) != plain[key]]
+    if different:
+        raise ConfigError(
+            f"'{file}' is the snapshot of another training: "
+            f"{', '.join(_difference(key, saved.get(key), plain[key]) for key in different)}. "
+            "Give the same options to resume it, choose another --out, or delete the snapshot."
+        )
+
+
+def _difference(key: str, saved: object, wanted: object) -> str:
+    if isinstance(saved, dict | list) or isinstance(wanted, dict | list):
+        return f"{key} differs"
+    return f"{key} was {saved!r}, is {wanted!r}"
+
+
+def portable(path: Path) -> str:
+    """Return a path for a card's command: as it is below the working directory, else its name only.
+
+    Cards travel with their weights; folders of the machine they were made on mean nothing elsewhere.
+    """
+    if not path.is_absolute():
+        return shlex.quote(str(path))
+    inside = path.is_relative_to(Path.cwd())
+    return shlex.quote(str(path.relative_to(Path.cwd())) if inside else path.name)
