@@ -22,7 +22,7 @@ class Collect:
     trajectories: int = 10_000
     """How many (50,000 in the paper)."""
     world: str = "training"
-    """Registered world that rooms are drawn from."""
+    """Registered world that rooms are drawn from, or a world file (.yaml)."""
     skill: str = "p2p"
     """Registered skill of every robot."""
     seed: int = 0
@@ -35,10 +35,10 @@ class Collect:
         import torch
 
         from hpp_framework.prediction.collect import Collection, collect
-        from hpp_framework.registry import hub
         from hpp_framework.team import parse_team
+        from hpp_framework.worlds.loader import resolve_world
 
-        hub().worlds.entry(self.world)
+        resolve_world(self.world)
         team = parse_team(self.team, skill=self.skill)
         config = Collection(trajectories=self.trajectories, world=self.world, seed=self.seed)
         check_folder(self.out)

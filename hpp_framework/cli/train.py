@@ -39,6 +39,8 @@ class TrainSkill:
         hub().robots.entry(self.robot)
         hub().skill_trainers.entry(self.name)
         _check_positive(steps=self.steps, threads=self.threads)
+        if not 0 <= self.seed < 2**32:
+            raise ConfigError(f"--seed must lie between 0 and 4294967295 (2**32 - 1), got {self.seed}.")
         out = self.out or Path("runs") / f"{self.name}-{self.robot}"
         check_folder(out)
         config = SkillTraining(
