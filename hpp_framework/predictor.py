@@ -20,13 +20,7 @@ from hpp_framework.types import Observation, Trajectories
 
 
 class Predictor(ABC):
-    """Answers "where would we all be if we shared this goal?".
-
-    Attributes:
-        history: how many past control steps, the present one included, an observation must hold.
-    """
-
-    history: int = 1
+    """Answers "where would we all be if we shared this goal?"."""
 
     @abstractmethod
     def rollout(self, observation: Observation, goals: Float[Tensor, "b g 2"], horizon: int) -> Trajectories:

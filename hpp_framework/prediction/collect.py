@@ -20,6 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.errors import ConfigError
+from hpp_framework.files import read_json
 from hpp_framework.seeding import numpy_rng, torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
@@ -42,7 +43,7 @@ class Collection:
         steps: control steps a trajectory (100 in the paper).
         chunk: trajectories a chunk, simulated side by side.
         worlds: different worlds a chunk.
-        world: registered world they are drawn from.
+        world: registered world they are drawn from, or a world file, which makes all of them equal.
         near_share: share of goals drawn within ``near_radius`` of the team instead of anywhere.
         near_radius: in metres.
         switch_share: share of trajectories whose goal changes once, between steps 10 and 50, as planners do.
@@ -84,7 +85,7 @@ def collect(team: Team, config: Collection, out: Path) -> Iterator[int]:
         Trajectories on disk so far.
 
     Raises:
-        ConfigError: if ``out`` holds another collection.
+        ConfigError: if ``out`` holds another collection or cannot be written to.
     """
     meta = describe(team, config)
     _open_folder(out, meta)
@@ -110,7 +111,7 @@ def describe(team: Team, config: Collection) -> dict[str, Any]:
 def _open_folder(out: Path, meta: dict[str, Any]) -> None:
     file = out / "meta.json"
     if file.exists():
-        found = json.loads(file.read_text())
+        found = read_json(file)
         different = [key for key in meta if found.get(key) != meta[key]]
         if different:
             raise ConfigError(

@@ -14,8 +14,6 @@ from hpp_framework.types import Observation, Trajectories
 class ConstantVelocity(Predictor):
     """Repeats the last observed displacement; a step is one control period."""
 
-    history = 2
-
     def rollout(self, observation: Observation, goals: Float[Tensor, "b g 2"], horizon: int) -> Trajectories:
         """Imagine straight-line motion, the same for every goal."""
         steps = torch.arange(1, horizon + 1, device=goals.device, dtype=goals.dtype)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.errors import ConfigError
-from hpp_framework.prediction.collect import SCAN_UNIT
+from hpp_framework.files import read_json
+from hpp_framework.prediction.collect import FORMAT, SCAN_UNIT
 from hpp_framework.sensing import HISTORY
 
 VALIDATION_SHARE = 0.1
+CHUNKS_PER_BATCH = 4
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class TrajectoryData:
         folder: written by ``hpp collect``.
 
     Raises:
-        ConfigError: if the folder is not a data set or has fewer than two chunks.
+        ConfigError: if the folder is not a data set, is damaged, or has fewer than two chunks.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -57,16 +59,19 @@ class TrajectoryData:
             raise ConfigError(
                 f"'{folder}' is not a data set. Make one: hpp collect --team fetch,freight --out {folder}"
             )
-        self.meta: dict[str, Any] = json.loads((folder / "meta.json").read_text())
+        self.meta: dict[str, Any] = read_json(folder / "meta.json")
+        if self.meta.get("format") != FORMAT or not isinstance(self.meta.get("team"), list):
+            raise ConfigError(
+                f"'{folder / 'meta.json'}' does not describe a data set of format {FORMAT}. Collect "
+                "again into another folder: hpp collect --out FOLDER"
+            )
         chunks = sorted(folder.glob("chunk-?????"))
         if len(chunks) < 2:
             raise ConfigError(
                 f"'{folder}' holds {len(chunks)} chunks; at least 2 are needed to hold out worlds."
             )
         # memory-mapped: what does not fit in memory is read as it is used
-        self._chunks = [
-            {n: np.load(c / f"{n}.npy", mmap_mode="r") for n in ("poses", "scans", "goals")} for c in chunks
-        ]
+        self._chunks = [{n: _load(c / f"{n}.npy") for n in ("poses", "scans", "goals")} for c in chunks]
         held_out = max(1, round(VALIDATION_SHARE * len(chunks)))
         self.parts = {
             "train": range(len(chunks) - held_out),
@@ -103,8 +108,12 @@ class TrajectoryData:
             offsets: control steps ahead to predict.
             scan_history: newest scans to include.
         """
-        chunks = rng.choice(np.array(self.parts[part]), size=4)
-        draws = [self._draw(int(c), size // 4, rng, agent, subject, offsets, scan_history) for c in chunks]
+        chunks = rng.choice(np.array(self.parts[part]), size=CHUNKS_PER_BATCH)
+        least, left_over = divmod(size, CHUNKS_PER_BATCH)
+        draws = [
+            self._draw(int(chunk), least + (place < left_over), rng, agent, subject, offsets, scan_history)
+            for place, chunk in enumerate(chunks)
+        ]
         return Batch(*(torch.cat(parts) for parts in zip(*draws, strict=True)))
 
     def _draw(
@@ -140,3 +149,14 @@ class TrajectoryData:
             torch.from_numpy(next_scan.astype(np.float32)) * SCAN_UNIT,
             inside & same,
         )
+
+
+def _load(file: Path) -> npt.NDArray[Any]:
+    """Map an array of a chunk into memory."""
+    try:
+        return np.load(file, mmap_mode="r")
+    except (OSError, ValueError, EOFError) as error:
+        raise ConfigError(
+            f"'{file}' is missing or damaged: {error}. Delete the folder '{file.parent}' and run the same "
+            "'hpp collect' again: it writes what is missing."
+        ) from error

@@ -75,8 +75,6 @@ class DeltaPoseLidar(Predictor):
         agent: index of the predicting agent.
     """
 
-    history = HISTORY
-
     def __init__(self, models: list[DeltaNetwork], agent: int) -> None:
         self.models = models
         self.agent = agent
@@ -130,7 +128,7 @@ def train(config: PredictorTraining) -> Path:
         config,
         Recipe(
             kind=KIND, build=_build, offsets=(1,), scan_history=HISTORY,
-            loss=_loss, errors=_errors,
+            loss=_loss, errors=_errors, headline=("position_error_m", "constant_velocity_error_m"),
         ),
     )  # fmt: skip
 

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from hpp_framework import geometry
+from hpp_framework.errors import ConfigError
 from hpp_framework.prediction.dataset import Batch
 from hpp_framework.prediction.library import load_models
 from hpp_framework.prediction.training import Recipe, constant_velocity_error, train_model
@@ -146,15 +147,20 @@ class FarSighted(Predictor):
         models: one a robot, in team order; that of the agent is its self-predictor.
     """
 
-    history = HISTORY
-
     def __init__(self, models: list[FarSightedNetwork]) -> None:
         self.models = models
 
     @torch.no_grad()
     def rollout(self, observation: Observation, goals: Float[Tensor, "b g 2"], horizon: int) -> Trajectories:
-        """Imagine ``horizon`` seconds, at most 12; headings are not predicted (NaN)."""
-        horizon = min(horizon, len(OFFSETS))
+        """Imagine ``horizon`` seconds; headings are not predicted (NaN).
+
+        Raises:
+            ConfigError: if the horizon is longer than 12 s.
+        """
+        if not 1 <= horizon <= len(OFFSETS):
+            raise ConfigError(
+                f"{KIND} predicts 1 to {len(OFFSETS)} steps of a second, but the horizon is {horizon}."
+            )
         own = observation.poses[:, :, observation.agent]
         positions = [
             model(own, observation.poses[:, :, subject], observation.scan, goals)[:, :, :horizon]
@@ -178,8 +184,11 @@ def train(config: PredictorTraining) -> Path:
     """Train one model on the distance to where the robot really went."""
     return train_model(
         config,
-        Recipe(kind=KIND, build=_build, offsets=OFFSETS, scan_history=1, loss=_loss, errors=_errors),
-    )
+        Recipe(
+            kind=KIND, build=_build, offsets=OFFSETS, scan_history=1, loss=_loss, errors=_errors,
+            headline=("error_5s_m", "constant_velocity_5s_m"),
+        ),
+    )  # fmt: skip
 
 
 def _distances(model: nn.Module, batch: Batch) -> Float[Tensor, "b t"]:
@@ -192,7 +201,7 @@ def _loss(model: nn.Module, batch: Batch) -> Tensor:
     """Huber-like loss: the distance itself, so that one detour does not outweigh many straight ways."""
     distance = _distances(model, batch)
     smooth = (distance.square() + 0.04).sqrt() - 0.2
-    return (smooth * batch.valid).sum() / batch.valid.sum()
+    return (smooth * batch.valid).sum() / batch.valid.sum().clamp(min=1)
 
 
 def _errors(model: nn.Module, batch: Batch) -> dict[str, float]:

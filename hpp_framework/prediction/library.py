@@ -9,7 +9,7 @@ from typing import Any
 from torch import nn
 
 from hpp_framework.checkpoints import load_checkpoint, load_into
-from hpp_framework.errors import CheckpointError
+from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.predictor import PredictorRequest
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
@@ -50,8 +50,11 @@ def load_models(
         One network a robot, in team order.
 
     Raises:
+        ConfigError: if a folder of the request does not exist or has no weights of this kind.
         CheckpointError: if weights are missing or made for something else.
     """
+    for folder in request.folders:
+        _check_folder(folder, kind)
     members = request.team.members
     agent = members[request.agent]
     folders = [*request.folders, *(entry.factory()() for entry in hub().checkpoints)]
@@ -64,6 +67,18 @@ def load_models(
         load_into(model, weights, file)
         models.append(model.eval())
     return models
+
+
+def _check_folder(folder: Path, kind: str) -> None:
+    """Refuse folders in which nothing can be found: shipped weights would silently take their place."""
+    if not folder.is_dir():
+        raise ConfigError(f"--weights '{folder}' is not a folder. Give the --out of 'hpp train predictor'.")
+    if not any((folder / kind).glob("*.safetensors")):
+        kinds = sorted({file.parent.name for file in folder.glob("*/*.safetensors")})
+        raise ConfigError(
+            f"--weights '{folder}' has no weights of predictor '{kind}' ('{folder / kind}/*.safetensors'); "
+            f"it has: {', '.join(kinds) or 'none'}. Give the --out of 'hpp train predictor {kind}'."
+        )
 
 
 def _find(folders: list[Path], kind: str, name: str) -> Path:
