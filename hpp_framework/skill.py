@@ -41,7 +41,6 @@ class SkillTraining:
         seed: of the worlds, the noise and the network.
         steps: robot control steps to train for.
         init: weights to start from, or None.
-        device: torch device of simulator and network.
         threads: torch threads.
     """
 
@@ -50,5 +49,4 @@ class SkillTraining:
     seed: int = 0
     steps: int = 4_000_000
     init: Path | None = None
-    device: str = "cpu"
     threads: int = 2

@@ -21,7 +21,7 @@ from hpp_framework.checkpoints import (
     require_same_run,
     save_checkpoint,
 )
-from hpp_framework.errors import ConfigError
+from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.prediction.dataset import Batch, TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, file_name
 from hpp_framework.predictor import PredictorTraining
@@ -242,7 +242,10 @@ def _resume(
     snapshot = _resume_file(file)
     if not snapshot.exists():
         return 0, []
-    weights, metadata = load_checkpoint(snapshot, {})
+    try:
+        weights, metadata = load_checkpoint(snapshot, {})
+    except CheckpointError as error:
+        raise CheckpointError(f"{error} Or delete this snapshot to begin anew.") from error
     require_same_run(snapshot, metadata.get("run", {}), run)
     load_into(model, {n[6:]: v for n, v in weights.items() if n.startswith("model.")}, snapshot)
     state: dict[int, dict[str, Any]] = {}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import signal
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,30 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecEnv
 from torch import nn
 
+from hpp_framework.checkpoints import cannot_write
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
+from hpp_framework.errors import CheckpointError
+from hpp_framework.training.snapshots import describe_run, load_snapshot, save_snapshot
 
 WINDOW = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
 class PpoConfig:
-    """Hyper-parameters; names as in Stable-Baselines3."""
+    """Hyper-parameters; names as in Stable-Baselines3.
+
+    Attributes:
+        n_steps: control steps of every robot between two updates.
+        batch_size: samples a gradient step.
+        n_epochs: passes over the samples of an update.
+        learning_rate: of Adam at the start; it falls linearly.
+        final_learning_rate: of Adam at the end.
+        gamma: discount a control step.
+        gae_lambda: lambda of generalised advantage estimation, between bias (0) and variance (1).
+        ent_coef: weight of the entropy in the loss.
+        log_std_init: logarithm of the actions' standard deviation at the start, actions in [-1, 1].
+        hidden: units of the hidden layers, of actor and critic each.
+    """
 
     n_steps: int = 32
     batch_size: int = 4096
@@ -138,14 +154,18 @@ class _Progress(BaseCallback):
             "success": success,
             "touch_share": float(np.mean(self.training_env.touch_share)),
         }
-        with (self.out / "curve.jsonl").open("a") as stream:
-            stream.write(json.dumps(row) + "\n")
+        curve = self.out / "curve.jsonl"
+        try:
+            with curve.open("a") as stream:
+                stream.write(json.dumps(row) + "\n")
+        except OSError as error:
+            raise CheckpointError(cannot_write(curve, error)) from error
         self.progress.update(
             self._task, completed=self.num_timesteps, description=f"training, success {success:.3f}"
         )
         assert isinstance(self.model, PPO)
         if (self.num_timesteps // self.model.n_steps // self.training_env.num_envs) % 20 == 0:
-            self.model.save(self.out / "resume.zip")
+            save_snapshot(self.model, self.out)
 
 
 def train_ppo(
@@ -158,8 +178,9 @@ def train_ppo(
     seed: int,
     config: PpoConfig | None = None,
     initial: Callable[[PPO], None] | None = None,
+    run: Mapping[str, Any] | None = None,
 ) -> PPO:
-    """Train, showing progress; resumes from ``out/resume.zip`` if it is there.
+    """Train, showing progress; resumes from the snapshot in ``out`` if it is there.
 
     Args:
         env: robots to train on.
@@ -167,36 +188,52 @@ def train_ppo(
         width: number of features.
         out: folder for the learning curve and snapshots.
         steps: control steps in all.
-        seed: of network, worlds and noise.
+        seed: of network, worlds and noise; 0 to 2**32 - 1.
         config: hyper-parameters.
         initial: called with the fresh model to load weights to start from.
+        run: further options (JSON-compatible) that a snapshot must share to be resumed from.
+
+    Raises:
+        ConfigError: if the snapshot is damaged or of another training.
+        CheckpointError: if a snapshot or the curve cannot be written.
+        KeyboardInterrupt: after an interruption, once a snapshot is written.
     """
     config = config or PpoConfig()
-    out.mkdir(parents=True, exist_ok=True)
+    described = {**(run or {}), "seed": seed, "steps": steps, "ppo": asdict(config)}
     adapter = Sb3Adapter(env, seed)
+    model = load_snapshot(out, adapter, described)
+    if model is None:
+        describe_run(out, described)
+        model = _fresh(adapter, encoder, width, seed, config)
+        if initial:
+            initial(model)
+    _learn(model, out, steps)
+    return model
 
+
+def _fresh(
+    adapter: Sb3Adapter, encoder: Callable[[], nn.Module], width: int, seed: int, config: PpoConfig
+) -> PPO:
     def schedule(left: float) -> float:
         return config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * left
 
-    snapshot = out / "resume.zip"
-    if snapshot.exists():
-        model = PPO.load(snapshot, env=adapter, device="cpu")
-    else:
-        model = PPO(
-            "MultiInputPolicy", adapter, seed=seed, device="cpu",
-            n_steps=config.n_steps, batch_size=config.batch_size, n_epochs=config.n_epochs,
-            learning_rate=schedule, gamma=config.gamma, gae_lambda=config.gae_lambda,
-            ent_coef=config.ent_coef,
-            policy_kwargs={
-                "features_extractor_class": _Extractor,
-                "features_extractor_kwargs": {"encoder": encoder, "width": width},
-                "net_arch": {"pi": list(config.hidden), "vf": list(config.hidden)},
-                "activation_fn": nn.ReLU,
-                "log_std_init": config.log_std_init,
-            },
-        )  # fmt: skip
-        if initial:
-            initial(model)
+    return PPO(
+        "MultiInputPolicy", adapter, seed=seed, device="cpu",
+        n_steps=config.n_steps, batch_size=config.batch_size, n_epochs=config.n_epochs,
+        learning_rate=schedule, gamma=config.gamma, gae_lambda=config.gae_lambda,
+        ent_coef=config.ent_coef,
+        policy_kwargs={
+            "features_extractor_class": _Extractor,
+            "features_extractor_kwargs": {"encoder": encoder, "width": width},
+            "net_arch": {"pi": list(config.hidden), "vf": list(config.hidden)},
+            "activation_fn": nn.ReLU,
+            "log_std_init": config.log_std_init,
+        },
+    )  # fmt: skip
+
+
+def _learn(model: PPO, out: Path, steps: int) -> None:
+    """Train up to ``steps`` in all; an interruption ends the update, saves and raises KeyboardInterrupt."""
     left = steps - model.num_timesteps
     with Progress() as progress:
         callback = _Progress(out, steps, progress)
@@ -207,9 +244,8 @@ def train_ppo(
         finally:
             signal.signal(signal.SIGINT, previous)
     if callback.interrupted:
-        model.save(snapshot)
+        save_snapshot(model, out)
         raise KeyboardInterrupt
-    return model
 
 
 def actor_modules(model: PPO) -> tuple[nn.Module, Sequence[nn.Module], nn.Module]:

@@ -9,4 +9,6 @@ def register(hub: Hub) -> None:
     """Add every skill of this package."""
     hub.skills.add("p2p", "hpp_skills.p2p.skill:load", summary="learned point-to-point navigation")
     hub.skill_trainers.add("p2p", "hpp_skills.p2p.train:train", summary="PPO on random furnished rooms")
-    hub.checkpoints.add("hpp_skills.p2p", "hpp_skills.p2p.predictors:folder", summary="motion models of p2p")
+    hub.checkpoints.add(
+        "hpp_skills.p2p", "hpp_skills.p2p.skill:predictor_folder", summary="motion models of p2p"
+    )

@@ -46,6 +46,11 @@ def expected_metadata(robot: RobotSpec) -> dict[str, object]:
     }
 
 
+def predictor_folder() -> Path:
+    """Return the folder with the shipped weights of this skill's motion models."""
+    return Path(__file__).parent / "predictors"
+
+
 def load(robot: RobotSpec, file: Path | None = None) -> PointToPoint:
     """Load the skill for a robot.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -9,8 +10,9 @@ from time import time
 
 import torch
 from stable_baselines3 import PPO
+from torch import Tensor
 
-from hpp_framework.checkpoints import load_checkpoint, load_into, save_checkpoint
+from hpp_framework.checkpoints import load_checkpoint, load_into, portable, save_checkpoint
 from hpp_framework.envs.point_to_point import PointToPoint, PointToPointVectorEnv
 from hpp_framework.evaluation.skill import evaluate_skill
 from hpp_framework.registry import hub
@@ -19,6 +21,7 @@ from hpp_framework.seeding import child_seed
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.skill import SkillTraining
 from hpp_framework.training.ppo import PpoConfig, actor_modules, train_ppo
+from hpp_framework.training.snapshots import remove_snapshot
 from hpp_skills.p2p.network import FEATURES, HIDDEN, Encoder, PolicyNetwork
 from hpp_skills.p2p.skill import PointToPoint as PointToPointSkill
 from hpp_skills.p2p.skill import expected_metadata
@@ -30,11 +33,19 @@ NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=0.02, dropout=0
 
 
 def train(config: SkillTraining) -> Path:
-    """Train and write ``ROBOT.safetensors`` with its card into ``config.out``; returns the file."""
+    """Train and write ``ROBOT.safetensors`` with its card into ``config.out``; returns the file.
+
+    Raises:
+        ConfigError: if the snapshot in ``config.out`` is damaged or of another training.
+        CheckpointError: if the weights to start from do not fit, or nothing can be written.
+    """
     torch.set_num_threads(config.threads)
     robot: RobotSpec = hub().robots.create(config.robot)
-    ppo = PpoConfig(hidden=(HIDDEN,), learning_rate=1e-4 if config.init else PpoConfig().learning_rate,
-                    log_std_init=-1.2 if config.init else PpoConfig().log_std_init)  # fmt: skip
+    # wrong weights to start from are found before the minute it takes to build the worlds
+    initial = None
+    if config.init:
+        initial = partial(_start_from, config.init, _initial_weights(config.init, robot), robot)
+    ppo = _ppo_config(fresh=initial is None)
     started = time()
     env = PointToPointVectorEnv(
         ROBOTS,
@@ -52,27 +63,57 @@ def train(config: SkillTraining) -> Path:
         steps=config.steps,
         seed=config.seed,
         config=ppo,
-        initial=partial(_start_from, config.init, robot) if config.init else None,
+        initial=initial,
+        run={"skill": "p2p", "robot": robot.name, "init": _digest(config.init)},
     )
     file = config.out / f"{robot.name}.safetensors"
     network = export(model, robot)
-    score = evaluate_skill(PointToPointSkill(network), robot, seed=child_seed(config.seed, "unseen worlds"))
     metadata = {
-        **expected_metadata(robot),
-        "command": f"hpp train skill p2p --robot {robot.name} --steps {config.steps} --seed {config.seed}",
-        "init": config.init.name if config.init else None,
-        "seed": config.seed,
+        **_card(config, robot, network, ppo),
         "steps": model.num_timesteps,
         "minutes": round((time() - started) / 60, 1),
+    }
+    save_checkpoint(file, network.state_dict(), metadata)
+    remove_snapshot(config.out)
+    return file
+
+
+def _ppo_config(*, fresh: bool) -> PpoConfig:
+    if fresh:
+        return PpoConfig(hidden=(HIDDEN,))
+    # small steps and little exploration keep what the other robot's policy knows
+    return PpoConfig(hidden=(HIDDEN,), learning_rate=1e-4, log_std_init=-1.2)
+
+
+def _card(
+    config: SkillTraining, robot: RobotSpec, network: PolicyNetwork, ppo: PpoConfig
+) -> dict[str, object]:
+    """Return what weights must say of themselves, how they were made, and how well they drive."""
+    score = evaluate_skill(PointToPointSkill(network), robot, seed=child_seed(config.seed, "unseen worlds"))
+    return {
+        **expected_metadata(robot),
+        "command": _command(config),
+        "init": config.init.name if config.init else None,
+        "seed": config.seed,
         "worlds": f"{WORLDS} x training, {ROBOTS_PER_WORLD} robots each",
         "noise": asdict(NOISE),
         "problem": asdict(PointToPoint()),
         "ppo": asdict(ppo),
         "unseen_worlds": asdict(score),
     }
-    save_checkpoint(file, network.state_dict(), metadata)
-    (config.out / "resume.zip").unlink(missing_ok=True)
-    return file
+
+
+def _command(config: SkillTraining) -> str:
+    """Return the command line that repeats a training."""
+    return (
+        f"hpp train skill p2p --robot {config.robot} --steps {config.steps} --seed {config.seed} "
+        f"--threads {config.threads}" + (f" --init {portable(config.init)}" if config.init else "")
+    )
+
+
+def _digest(file: Path | None) -> str | None:
+    """Return what tells weights to start from apart, whatever their name."""
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file else None
 
 
 def export(model: PPO, robot: RobotSpec) -> PolicyNetwork:
@@ -85,9 +126,13 @@ def export(model: PPO, robot: RobotSpec) -> PolicyNetwork:
     return network
 
 
-def _start_from(file: Path, robot: RobotSpec, model: PPO) -> None:
-    """Begin from another robot's policy with the same lidar."""
-    weights, _ = load_checkpoint(file, {"skill": "p2p", "beams": robot.lidar.beams})
+def _initial_weights(file: Path, robot: RobotSpec) -> dict[str, Tensor]:
+    """Read another robot's policy with the same lidar."""
+    return load_checkpoint(file, {"skill": "p2p", "beams": robot.lidar.beams})[0]
+
+
+def _start_from(file: Path, weights: dict[str, Tensor], robot: RobotSpec, model: PPO) -> None:
+    """Begin from another robot's policy."""
     network = PolicyNetwork(robot)
     load_into(network, weights, file)
     encoder, hidden, action = actor_modules(model)
