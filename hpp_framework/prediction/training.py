@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -217,7 +218,10 @@ def _validate(
         recipe.errors(model, _sample(data, "validation", config, recipe, rng))
         for _ in range(VALIDATION_BATCHES)
     ]
-    return {key: round(float(np.nanmean([row[key] for row in rows])), 4) for key in rows[0]}
+    with warnings.catch_warnings():
+        # a horizon that no sample of tiny batches reaches is NaN
+        warnings.filterwarnings("ignore", "Mean of empty slice", RuntimeWarning)
+        return {key: round(float(np.nanmean([row[key] for row in rows])), 4) for key in rows[0]}
 
 
 def _resume_file(file: Path) -> Path:

@@ -7,6 +7,7 @@ import signal
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -211,16 +212,18 @@ def train_ppo(
     return model
 
 
+def _learning_rate(config: PpoConfig, left: float) -> float:
+    """Return the learning rate when a share ``left`` of the training remains."""
+    return config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * left
+
+
 def _fresh(
     adapter: Sb3Adapter, encoder: Callable[[], nn.Module], width: int, seed: int, config: PpoConfig
 ) -> PPO:
-    def schedule(left: float) -> float:
-        return config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * left
-
     return PPO(
         "MultiInputPolicy", adapter, seed=seed, device="cpu",
         n_steps=config.n_steps, batch_size=config.batch_size, n_epochs=config.n_epochs,
-        learning_rate=schedule, gamma=config.gamma, gae_lambda=config.gae_lambda,
+        learning_rate=partial(_learning_rate, config), gamma=config.gamma, gae_lambda=config.gae_lambda,
         ent_coef=config.ent_coef,
         policy_kwargs={
             "features_extractor_class": _Extractor,

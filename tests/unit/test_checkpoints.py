@@ -89,3 +89,17 @@ def test_saving_over_a_file_replaces_it(file):
     weights, metadata = load_checkpoint(file, {"robot": "freight"})
     assert list(weights) == ["weight"]
     assert "beams" not in metadata
+
+
+def test_weights_of_another_format_are_refused(tmp_path):
+    from safetensors.torch import save_file
+
+    path = tmp_path / "newer.safetensors"
+    save_file({"weight": torch.zeros(2)}, path, metadata={"card": '{"format": 2}'})
+    with pytest.raises(CheckpointError, match="has format 2, but this version reads 1"):
+        load_checkpoint(path, {})
+    save_file({"weight": torch.zeros(2)}, path, metadata={"card": "[]"})
+    with pytest.raises(CheckpointError, match="card is no JSON object"):
+        load_checkpoint(path, {})
+    save_file({"weight": torch.zeros(2)}, path)
+    assert load_checkpoint(path, {})[1] == {}

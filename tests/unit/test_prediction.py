@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,11 +106,164 @@ def test_training_learns_resumes_and_is_refused_for_others(team, folder, tmp_pat
     assert json.loads(file.with_suffix(".json").read_text()) == card
 
 
+class Stop(Exception):
+    """Cuts a training off, as a lost process would."""
+
+
+def interrupted(monkeypatch, config, *, after=30):
+    """Train until a snapshot is there, then a little further, and stop."""
+    from hpp_framework.prediction import training
+
+    learn = training._learn
+
+    def cut(model, optimiser, data, config, recipe, step):
+        if step == after:
+            raise Stop
+        return learn(model, optimiser, data, config, recipe, step)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "SNAPSHOT_EVERY", 20)
+        patch.setattr(training, "REPORT_EVERY", 10)
+        patch.setattr(training, "_learn", cut)
+        with pytest.raises(Stop):
+            hub().predictor_trainers.create("far-sighted", config)
+
+
+@pytest.fixture
+def config(folder, tmp_path):
+    return PredictorTraining(
+        data=folder, out=tmp_path / "out", agent=0, subject=1, steps=40, batch=16, threads=1, seed=2
+    )
+
+
+def test_an_interrupted_training_resumes_to_the_same_weights(config, monkeypatch):
+    from hpp_framework.prediction import training
+
+    monkeypatch.setattr(training, "REPORT_EVERY", 10)
+    whole = hub().predictor_trainers.create("far-sighted", replace(config, out=config.out / "whole"))
+    interrupted(monkeypatch, config)
+    assert list(config.out.glob("*/*.resume.safetensors"))
+    resumed = hub().predictor_trainers.create("far-sighted", config)
+    weights, card = load_checkpoint(whole, {})
+    again, card_again = load_checkpoint(resumed, {})
+    assert all(torch.equal(weights[name], again[name]) for name in weights)
+    assert card_again["curve"] == card["curve"]
+    assert not list(config.out.glob("far-sighted/*resume*"))
+
+
+@pytest.mark.parametrize("option", [{"seed": 3}, {"steps": 50}, {"batch": 20}, {"learning_rate": 2e-3}])
+def test_the_snapshot_of_another_training_is_refused(config, monkeypatch, option):
+    interrupted(monkeypatch, config)
+    name, value = next(iter(option.items()))
+    message = f"another training: {name} was {getattr(config, name)}, is {value}. .* another --out"
+    with pytest.raises(ConfigError, match=message):
+        hub().predictor_trainers.create("far-sighted", replace(config, **option))
+
+
+def test_the_snapshot_of_other_data_is_refused(config, team, monkeypatch, tmp_path):
+    interrupted(monkeypatch, config)
+    other = replace(TINY, seed=9, trajectories=40, steps=62)
+    list(collect(team, other, tmp_path / "other"))
+    with pytest.raises(ConfigError, match="data differs, trajectories was 60, is 40"):
+        hub().predictor_trainers.create("far-sighted", replace(config, data=tmp_path / "other"))
+
+
+def test_training_reports_its_error_beside_that_of_constant_velocity(config, monkeypatch, capsys):
+    interrupted(monkeypatch, config)
+    hub().predictor_trainers.create("far-sighted", config)
+    lines = [line for line in capsys.readouterr().out.splitlines() if "held-out worlds" in line]
+    assert [line.split("step ")[1].split(",")[0] for line in lines] == ["10", "20", "40"]
+    assert all("error_5s_m" in line and "constant_velocity_5s_m" in line for line in lines)
+
+
+def test_the_card_says_the_command_that_repeats_the_training(config):
+    file = hub().predictor_trainers.create("far-sighted", replace(config, steps=2))
+    assert load_checkpoint(file, {})[1]["command"] == (
+        f"hpp train predictor far-sighted --data {config.data.name} --agent 0 --subject 1 --steps 2 "
+        "--batch 16 --seed 2 --threads 1"
+    )
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 7, 10])
+def test_a_batch_has_the_size_asked_for(folder, size):
+    batch = TrajectoryData(folder).sample("train", size, numpy_rng(0), agent=0, subject=1, offsets=(1, 5))
+    assert {len(getattr(batch, part)) for part in batch.__dataclass_fields__} == {size}
+
+
+@pytest.mark.parametrize("batch", [1, 3])
+def test_the_smallest_batches_give_finite_weights(config, batch):
+    file = hub().predictor_trainers.create("far-sighted", replace(config, steps=20, batch=batch))
+    assert all(torch.isfinite(value).all() for value in load_checkpoint(file, {})[0].values())
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("meta.json", b"{", "meta.json' is damaged"),
+        ("meta.json", b"[]", "meta.json' is damaged"),
+        ("meta.json", b'{"format": 9, "team": []}', "meta.json' does not describe"),
+        ("chunk-00001/poses.npy", None, "poses.npy' is missing or damaged.* 'hpp collect' again"),
+        ("chunk-00001/scans.npy", b"", "scans.npy' is missing or damaged"),
+        ("chunk-00001/goals.npy", b"\x93NUMPY", "goals.npy' is missing or damaged"),
+    ],
+)
+def test_damaged_data_are_named(folder, tmp_path, file, content, message):
+    shutil.copytree(folder, tmp_path / "data")
+    (tmp_path / "data" / file).unlink()
+    if content is not None:
+        (tmp_path / "data" / file).write_bytes(content)
+    with pytest.raises(ConfigError, match=message):
+        TrajectoryData(tmp_path / "data")
+
+
+def test_an_array_cut_short_is_named(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "data")
+    file = tmp_path / "data" / "chunk-00000" / "scans.npy"
+    file.write_bytes(file.read_bytes()[:-1000])
+    with pytest.raises(ConfigError, match="scans.npy' is missing or damaged"):
+        TrajectoryData(tmp_path / "data")
+
+
+def test_a_collection_with_damaged_metadata_is_not_extended(team, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "data")
+    (tmp_path / "data" / "meta.json").write_text("{")
+    with pytest.raises(ConfigError, match="meta.json' is damaged"):
+        next(iter(collect(team, TINY, tmp_path / "data")))
+
+
+def test_a_world_file_can_be_collected_in(team, tmp_path):
+    world = tmp_path / "my_room.yaml"
+    world.write_text("name: my room\nbounds: [-4, -3, 4, 3]\n")
+    tiny = Collection(trajectories=6, chunk=3, steps=8, worlds=1, world=str(world), seed=1)
+    assert list(collect(team, tiny, tmp_path / "data")) == [3, 6]
+    poses = np.load(tmp_path / "data" / "chunk-00000" / "poses.npy")
+    assert (np.abs(poses[..., 0]) < 4).all()
+    assert (np.abs(poses[..., 1]) < 3).all()
+
+
+def test_folders_in_which_nothing_can_be_found_are_refused(team, tmp_path):
+    def ask(folder):
+        hub().predictors.create("far-sighted", PredictorRequest(team=team, agent=0, folders=(folder,)))
+
+    with pytest.raises(ConfigError, match="--weights '.*typo' is not a folder"):
+        ask(tmp_path / "typo")
+    with pytest.raises(ConfigError, match="no weights of predictor 'far-sighted'.*it has: none"):
+        ask(tmp_path)
+    (tmp_path / "delta-pose-lidar").mkdir()
+    (tmp_path / "delta-pose-lidar" / "self-fetch.safetensors").write_bytes(b"")
+    with pytest.raises(ConfigError, match="it has: delta-pose-lidar"):
+        ask(tmp_path)
+
+
+def test_a_horizon_beyond_the_model_is_refused(fetch):
+    model = FarSighted([FarSightedNetwork(fetch.lidar), FarSightedNetwork(fetch.lidar)])
+    with pytest.raises(ConfigError, match="1 to 12 steps of a second, but the horizon is 13"):
+        model.rollout(observation(), torch.zeros(3, 1, 2), 13)
+
+
 def test_missing_weights_say_what_to_do(team):
     lonely = parse_team("fetch,freight", skill="p2p")
     broken = lonely.members[1]
-    from dataclasses import replace
-
     stranger = replace(
         lonely, members=(lonely.members[0], replace(broken, robot=replace(broken.robot, name="rover")))
     )
