@@ -73,8 +73,10 @@ def _check_folder(folder: Path, kind: str) -> None:
     """Refuse folders in which nothing can be found: shipped weights would silently take their place."""
     if not folder.is_dir():
         raise ConfigError(f"--weights '{folder}' is not a folder. Give the --out of 'hpp train predictor'.")
-    if not any((folder / kind).glob("*.safetensors")):
-        kinds = sorted({file.parent.name for file in folder.glob("*/*.safetensors")})
+    # snapshots of unfinished trainings are no weights
+    files = [file for file in folder.glob("*/*.safetensors") if not file.stem.endswith(".resume")]
+    kinds = sorted({file.parent.name for file in files})
+    if kind not in kinds:
         raise ConfigError(
             f"--weights '{folder}' has no weights of predictor '{kind}' ('{folder / kind}/*.safetensors'); "
             f"it has: {', '.join(kinds) or 'none'}. Give the --out of 'hpp train predictor {kind}'."

@@ -249,6 +249,8 @@ def test_folders_in_which_nothing_can_be_found_are_refused(team, tmp_path):
         ask(tmp_path / "typo")
     with pytest.raises(ConfigError, match="no weights of predictor 'far-sighted'.*it has: none"):
         ask(tmp_path)
+    (tmp_path / "far-sighted").mkdir()
+    (tmp_path / "far-sighted" / "self-fetch.resume.safetensors").write_bytes(b"")
     (tmp_path / "delta-pose-lidar").mkdir()
     (tmp_path / "delta-pose-lidar" / "self-fetch.safetensors").write_bytes(b"")
     with pytest.raises(ConfigError, match="it has: delta-pose-lidar"):
