@@ -6,29 +6,31 @@ that comparisons are paired.
 
 from __future__ import annotations
 
-import csv
 import json
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.evaluation.rollout import Episodes, build_agents, median_ms, run_episodes
+from hpp_framework.errors import ConfigError, unknown_name
+from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.rollout import build_agents, run_episodes
+from hpp_framework.evaluation.rows import EpisodeRow, read_rows, to_rows, write_rows
 from hpp_framework.evaluation.statistics import wilson_interval
+from hpp_framework.planner import PRESETS
 from hpp_framework.registry import hub
 from hpp_framework.seeding import child_seed, numpy_rng
 from hpp_framework.sensing import NoiseModel
-from hpp_framework.sim import make_simulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.sim import BACKENDS, make_simulator
 from hpp_framework.team import parse_team
-from hpp_framework.worlds.loader import resolve_world
+from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 from hpp_framework.worlds.world import World
+
+Progress = Callable[[str, int, int], None]
 
 CHUNK = {"batch": 50, "sapien": 5}
 
@@ -70,25 +72,69 @@ class Experiment:
             raise ConfigError("name at least one world and one planner.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class EpisodeRow:
-    """One line of ``episodes.csv``; times are NaN where the event never came."""
+def read_experiment(file: Path, command: str) -> Experiment:
+    """Return the experiment that a ``config.json`` describes.
 
-    world: str
-    planner: str
-    episode: int
-    success: int
-    time_s: float
-    first_contact: int
-    first_contact_s: float
-    collided: int
-    final_distance_m: float
-    steps: int
-    plan_ms: float
+    Args:
+        file: written by ``hpp run`` or ``hpp evaluate``.
+        command: that wants to repeat it, ``"run"`` or ``"evaluate"``.
+
+    Raises:
+        ConfigError: if the file is damaged, another command wrote it, or a world file has changed since.
+    """
+    found = folder.read_config(file, command)
+    kinds = {"str": str, "int": int, "NoiseModel": dict, "tuple[str, ...]": list}
+    wrong = [f.name for f in fields(Experiment) if type(found.get(f.name)) is not kinds[str(f.type)]]
+    remedy = f"Give a config.json that `hpp {command}` wrote."
+    if wrong:
+        raise ConfigError(f"'{file}' describes no experiment: {', '.join(wrong)} missing or wrong. {remedy}")
+    values: dict[str, Any] = {f.name: found[f.name] for f in fields(Experiment)}
+    for name in ("worlds", "planners", "weights"):
+        values[name] = tuple(map(str, values[name]))
+    try:
+        values["noise"] = NoiseModel(**values["noise"])
+    except TypeError as error:
+        raise ConfigError(f"'{file}' describes no experiment: noise is wrong ({error}). {remedy}") from error
+    return Experiment(**values)
+
+
+def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactory]) -> dict[str, Any]:
+    """Try everything that an experiment names, before anything is written.
+
+    Args:
+        experiment: what is compared.
+        factories: of its worlds.
+
+    Returns:
+        The effective parameters of each planner, None where a planner has no config dataclass.
+
+    Raises:
+        HppError: whatever is wrong: an unknown name, missing weights, a world without room for the team.
+    """
+    for kind, name, known in (
+        ("preset", experiment.preset, PRESETS), ("backend", experiment.backend, BACKENDS),
+    ):  # fmt: skip
+        if name not in known:
+            raise unknown_name(kind, name, known)
+    for planner in experiment.planners:
+        hub().planners.entry(planner)
+    team = parse_team(experiment.team, skill=experiment.skill)
+    task = hub().tasks.create(experiment.task, team.robots)
+    drawn = [draw_episode(experiment, name, factories[name], 0)[0] for name in experiment.worlds]
+    configs: dict[str, Any] = {}
+    for planner in experiment.planners:
+        agents = build_agents(
+            team, planner, task, preset=experiment.preset, bounds=drawn[0].bounds,
+            weights=tuple(map(Path, experiment.weights)),
+        )  # fmt: skip
+        config = getattr(agents[0].planner, "config", None)
+        configs[planner] = asdict(config) if is_dataclass(config) and not isinstance(config, type) else None
+    make_simulator(experiment.backend, team.robots).close()
+    return configs
 
 
 def run_experiment(
-    experiment: Experiment, out: Path, *, progress: Callable[[str, int, int], None] = lambda *_: None
+    experiment: Experiment, out: Path, *, progress: Progress = lambda *_: None
 ) -> list[dict[str, Any]]:
     """Run what is not yet in ``out`` and return the summary, also written to ``summary.json``.
 
@@ -98,35 +144,19 @@ def run_experiment(
         progress: called with (cell, episodes done, episodes in all).
 
     Raises:
-        ConfigError: if ``out`` holds another experiment or cannot be written.
+        HppError: if the experiment names something wrong (nothing is written then), or ``out`` holds
+            something else, is damaged or cannot be written.
     """
-    hub().tasks.entry(experiment.task)
-    for planner in experiment.planners:
-        hub().planners.entry(planner)
     factories = {name: resolve_world(name) for name in experiment.worlds}
-    team = parse_team(experiment.team, skill=experiment.skill)
-    del team
-    _open_folder(experiment, out)
-    rows = _read_rows(out / "episodes.csv")
+    configs = check_experiment(experiment, factories)
+    folder.open_evaluation(out, folder.record(folder.EVALUATE, asdict(experiment), configs))
+    file = out / folder.EPISODES
+    rows = read_rows(file)
     for world in experiment.worlds:
         for planner in experiment.planners:
-            have = {row.episode for row in rows if (row.world, row.planner) == (world, planner)}
-            chunk = CHUNK.get(experiment.backend, 5)
-            for first in range(0, experiment.episodes, chunk):
-                wanted = range(first, min(first + chunk, experiment.episodes))
-                progress(f"{world} / {planner}", first, experiment.episodes)
-                if not set(wanted) <= have:
-                    fresh = _run_chunk(experiment, world, factories[world], planner, wanted)
-                    rows = [
-                        r
-                        for r in rows
-                        if not (r.world == world and r.planner == planner and r.episode in wanted)
-                    ]
-                    rows += fresh
-                    _write_rows(out / "episodes.csv", rows)
-            progress(f"{world} / {planner}", experiment.episodes, experiment.episodes)
+            rows = _run_cell(experiment, (world, planner), factories[world], rows, file, progress)
     summary = [summarise(experiment, w, p, rows) for w in experiment.worlds for p in experiment.planners]
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
     return summary
 
 
@@ -155,7 +185,9 @@ def summarise(experiment: Experiment, world: str, planner: str, rows: Sequence[E
     }
 
 
-def draw_episode(experiment: Experiment, world: str, factory: Any, episode: int) -> tuple[World, np.ndarray]:
+def draw_episode(
+    experiment: Experiment, world: str, factory: WorldFactory, episode: int
+) -> tuple[World, np.ndarray]:
     """Return world and start poses (n, 3) of one episode; the same whatever planner runs in it."""
     team = parse_team(experiment.team, skill=experiment.skill)
     rng = numpy_rng(experiment.seed, "episode", world, episode)
@@ -163,88 +195,59 @@ def draw_episode(experiment: Experiment, world: str, factory: Any, episode: int)
     return drawn, spawn_poses(drawn, team.robots, rng)
 
 
-def _run_chunk(
-    experiment: Experiment, world: str, factory: Any, planner: str, wanted: range
+def _run_cell(
+    experiment: Experiment,
+    cell: tuple[str, str],
+    factory: WorldFactory,
+    rows: list[EpisodeRow],
+    file: Path,
+    progress: Progress,
 ) -> list[EpisodeRow]:
+    """Run the missing chunks of one world and planner, write after each, and return all rows."""
+    have = {row.episode for row in rows if (row.world, row.planner) == cell}
+    chunk = CHUNK[experiment.backend]
+    for first in range(0, experiment.episodes, chunk):
+        wanted = range(first, min(first + chunk, experiment.episodes))
+        progress(" / ".join(cell), first, experiment.episodes)
+        if set(wanted) <= have:
+            continue
+        fresh = _run_chunk(experiment, cell, factory, wanted)
+        rows = [r for r in rows if (r.world, r.planner) != cell or r.episode not in wanted] + fresh
+        write_rows(file, rows)
+    progress(" / ".join(cell), experiment.episodes, experiment.episodes)
+    return rows
+
+
+def _run_chunk(
+    experiment: Experiment, cell: tuple[str, str], factory: WorldFactory, wanted: range
+) -> list[EpisodeRow]:
+    """Run episodes side by side; only those together whose worlds share the bounds that planners are told."""
+    drawn = {episode: draw_episode(experiment, cell[0], factory, episode) for episode in wanted}
+    groups: dict[tuple[float, float, float, float], list[int]] = {}
+    for episode, (world, _) in drawn.items():
+        groups.setdefault(world.bounds, []).append(episode)
+    rows = [row for group in groups.values() for row in _run_group(experiment, cell, drawn, group)]
+    return sorted(rows, key=lambda row: row.episode)
+
+
+def _run_group(
+    experiment: Experiment,
+    cell: tuple[str, str],
+    drawn: Mapping[int, tuple[World, np.ndarray]],
+    group: Sequence[int],
+) -> list[EpisodeRow]:
+    name, planner = cell
     team = parse_team(experiment.team, skill=experiment.skill)
     task = hub().tasks.create(experiment.task, team.robots)
-    drawn = [draw_episode(experiment, world, factory, episode) for episode in wanted]
-    starts = torch.from_numpy(np.stack([start for _, start in drawn])).float()
+    worlds = [drawn[episode][0] for episode in group]
+    starts = torch.from_numpy(np.stack([drawn[episode][1] for episode in group])).float()
     agents = build_agents(
-        team, planner, task, preset=experiment.preset, bounds=drawn[0][0].bounds,
-        seed=child_seed(experiment.seed, world, wanted.start), weights=tuple(map(Path, experiment.weights)),
+        team, planner, task, preset=experiment.preset, bounds=worlds[0].bounds,
+        seed=child_seed(experiment.seed, name, group[0]), weights=tuple(map(Path, experiment.weights)),
     )  # fmt: skip
     with make_simulator(experiment.backend, team.robots) as simulator:
         episodes = run_episodes(
-            simulator, [w for w, _ in drawn], starts, agents, task, noise=experiment.noise,
-            seed=child_seed(experiment.seed, world, wanted.start, "noise"),
+            simulator, worlds, starts, agents, task, noise=experiment.noise,
+            seed=child_seed(experiment.seed, name, group[0], "noise"),
         )  # fmt: skip
-    return _rows(world, planner, wanted, episodes)
-
-
-def _rows(world: str, planner: str, wanted: range, episodes: Episodes) -> list[EpisodeRow]:
-    last = episodes.last_step()
-    final = episodes.spread()[torch.arange(len(last)), last]
-    plan_ms = median_ms(episodes.plan_seconds)
-    done, contact = episodes.done_step.tolist(), episodes.contact_step.tolist()
-
-    def seconds(step: int) -> float:
-        return round(step * CONTROL_PERIOD, 3) if step >= 0 else math.nan
-
-    return [
-        EpisodeRow(
-            world=world, planner=planner, episode=episode,
-            success=int(done[i] >= 0), time_s=seconds(done[i]),
-            first_contact=int(contact[i] >= 0), first_contact_s=seconds(contact[i]),
-            collided=int(episodes.collided[i]), final_distance_m=round(float(final[i]), 4),
-            steps=int(last[i]), plan_ms=round(plan_ms, 4),
-        )
-        for i, episode in enumerate(wanted)
-    ]  # fmt: skip
-
-
-def _open_folder(experiment: Experiment, out: Path) -> None:
-    config = json.loads(json.dumps(asdict(experiment)))
-    file = out / "config.json"
-    if file.exists():
-        found = json.loads(file.read_text())
-        different = [key for key in config if found.get(key) != config[key]]
-        if different:
-            raise ConfigError(
-                f"'{out}' holds another experiment ({', '.join(different)} differ). Choose another --out, or "
-                "repeat the same options to resume it."
-            )
-        return
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(config, indent=2) + "\n")
-    except OSError as error:
-        raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error
-
-
-def _read_rows(file: Path) -> list[EpisodeRow]:
-    if not file.exists():
-        return []
-    types: dict[str, Any] = {
-        f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(EpisodeRow)
-    }
-    with file.open(newline="") as stream:
-        try:
-            return [EpisodeRow(**{k: types[k](v) for k, v in row.items()}) for row in csv.DictReader(stream)]
-        except (KeyError, TypeError, ValueError) as error:
-            raise ConfigError(f"'{file}' is damaged ({error!r}). Move it away to start over.") from error
-
-
-def _write_rows(file: Path, rows: Sequence[EpisodeRow]) -> None:
-    """Write all rows to a temporary file and rename it, so that an interruption loses at most one chunk."""
-    temporary = file.with_suffix(".tmp")
-    try:
-        with temporary.open("w", newline="") as stream:
-            writer = csv.DictWriter(stream, [f.name for f in fields(EpisodeRow)])
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
-        temporary.replace(file)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write '{file}': {error.strerror}. Finished episodes are kept; resume later."
-        ) from error
+    return to_rows(name, planner, group, episodes)

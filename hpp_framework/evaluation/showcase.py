@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import torch
 
 from hpp_framework.agent import Agent
-from hpp_framework.evaluation.experiment import Experiment, draw_episode
+from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.experiment import Experiment, check_experiment, draw_episode
 from hpp_framework.evaluation.figures import plot_distance
 from hpp_framework.evaluation.rollout import Episodes, build_agents, median_ms, run_episodes
 from hpp_framework.evaluation.topdown import Rollouts, TopDown, close_view
@@ -23,10 +24,14 @@ from hpp_framework.registry import hub
 from hpp_framework.seeding import child_seed
 from hpp_framework.sim import make_simulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.task import Task
 from hpp_framework.team import Team, parse_team
 from hpp_framework.types import Observation, State
-from hpp_framework.worlds.loader import resolve_world
+from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.world import World
+
+if TYPE_CHECKING:
+    from hpp_framework.sim.sapien_camera import SceneCamera
 
 FRAMES_PER_STEP = 2
 SHOWN_ROLLOUTS = 24
@@ -48,7 +53,7 @@ class Moment:
     rollouts: list[Rollouts | None]
 
 
-def showcase(experiment: Experiment, out: Path, *, say: Any = print) -> dict[str, Any]:
+def showcase(experiment: Experiment, out: Path, *, say: Callable[[str], None] = print) -> dict[str, Any]:
     """Run episode 0 of the first world and planner of an experiment and write what happened into ``out``.
 
     Writes ``config.json``, ``summary.json``, ``distance.png`` and ``episode.mp4``.
@@ -60,13 +65,37 @@ def showcase(experiment: Experiment, out: Path, *, say: Any = print) -> dict[str
 
     Returns:
         What ``summary.json`` holds.
+
+    Raises:
+        HppError: if the experiment names something wrong (nothing is written then), or ``out`` holds an
+            evaluation or cannot be written.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.json").write_text(json.dumps(asdict(experiment), indent=2) + "\n")
+    experiment = replace(
+        experiment, worlds=experiment.worlds[:1], planners=experiment.planners[:1], episodes=1
+    )
+    factories = {experiment.worlds[0]: resolve_world(experiment.worlds[0])}
+    configs = check_experiment(experiment, factories)
+    folder.open_run(out, folder.record(folder.RUN, asdict(experiment), configs))
+    filmed = _simulate(experiment, factories[experiment.worlds[0]])
+    return _write(experiment, filmed, out, say)
+
+
+@dataclass(frozen=True)
+class _Filmed:
+    """One episode with everything that is drawn of it."""
+
+    team: Team
+    task: Task
+    world: World
+    episodes: Episodes
+    moments: list[Moment]
+
+
+def _simulate(experiment: Experiment, factory: WorldFactory) -> _Filmed:
     name, planner = experiment.worlds[0], experiment.planners[0]
     team = parse_team(experiment.team, skill=experiment.skill)
-    task = hub().tasks.create(experiment.task, team.robots)
-    world, start = draw_episode(experiment, name, resolve_world(name), 0)
+    task: Task = hub().tasks.create(experiment.task, team.robots)
+    world, start = draw_episode(experiment, name, factory, 0)
     agents = build_agents(
         team, planner, task, preset=experiment.preset, bounds=world.bounds,
         seed=child_seed(experiment.seed, name, 0), weights=tuple(map(Path, experiment.weights)),
@@ -82,21 +111,25 @@ def showcase(experiment: Experiment, out: Path, *, say: Any = print) -> dict[str
             simulator, [world], torch.from_numpy(start).float()[None], agents, task, noise=experiment.noise,
             seed=child_seed(experiment.seed, name, 0, "noise"), watch=watch,
         )  # fmt: skip
+    return _Filmed(team, task, world, episodes, moments)
+
+
+def _write(experiment: Experiment, filmed: _Filmed, out: Path, say: Callable[[str], None]) -> dict[str, Any]:
+    """Write summary, plot and video, and return the summary."""
+    name, planner, episodes = experiment.worlds[0], experiment.planners[0], filmed.episodes
     summary = _summary(experiment, episodes)
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
     verdict = f"rendezvous after {summary['time_s']} s" if summary["success"] else "no rendezvous within 20 s"
     say(f"{planner} ({experiment.preset}) in {name}, {experiment.backend}, seed {experiment.seed}: {verdict}")
     times = np.arange(episodes.poses.shape[1]) * CONTROL_PERIOD
-    radius = getattr(task, "radius", None)
+    radius = filmed.task.radius
     plot_distance(
         out / "distance.png", times, {planner: episodes.spread().numpy()},
-        2 * radius if radius is not None and len(team) == 2 else None, title=f"{name}: {verdict}",
+        2 * radius if radius is not None and len(filmed.team) == 2 else None, title=f"{name}: {verdict}",
     )  # fmt: skip
     title = f"{planner} ({experiment.preset}): {verdict}"
-    write_video(
-        out / "episode.mp4", _frames(world, team, moments, title, say), 1 / CONTROL_PERIOD * FRAMES_PER_STEP
-    )
-    say(f"video:   {out / 'episode.mp4'}\nplot:    {out / 'distance.png'}\nsummary: {out / 'summary.json'}")
+    write_video(out / "episode.mp4", _frames(filmed, title, say), 1 / CONTROL_PERIOD * FRAMES_PER_STEP)
+    say(f"video:   {out / 'episode.mp4'}\nplot:    {out / 'distance.png'}\nsummary: {out / folder.SUMMARY}")
     return summary
 
 
@@ -142,7 +175,8 @@ def _best_rollouts(belief: Belief) -> Rollouts | None:
     return Rollouts(paths, scores[kept].numpy())
 
 
-def _frames(world: World, team: Team, moments: Sequence[Moment], title: str, say: Any) -> Iterator[Frame]:
+def _frames(filmed: _Filmed, title: str, say: Callable[[str], None]) -> Iterator[Frame]:
+    world, team, moments = filmed.world, filmed.team, filmed.moments
     every_pose = np.stack([m.poses for m in moments])
     view = TopDown(world, team.robots, size=SIZE_TOP, view=close_view(world, every_pose, around=2.5))
     camera = _camera(world, team, moments[0].poses, say)
@@ -162,7 +196,9 @@ def _frames(world: World, team: Team, moments: Sequence[Moment], title: str, say
         yield from [frame] * LAST_FRAMES
 
 
-def _camera(world: World, team: Team, start: npt.NDArray[np.float64], say: Any) -> Any:
+def _camera(
+    world: World, team: Team, start: npt.NDArray[np.float64], say: Callable[[str], None]
+) -> SceneCamera | None:
     """Return a 3-D camera, or None after saying why there is none."""
     try:
         from hpp_framework.sim.sapien_camera import SceneCamera, team_view

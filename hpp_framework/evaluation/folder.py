@@ -1,0 +1,151 @@
+"""Run folders: what ``config.json`` records, and which command may write into which folder.
+
+``config.json`` holds the experiment's own fields, ``command`` and ``world_files`` (a digest a world file);
+these must be the same to resume. ``versions`` and ``planner_configs`` are there to be read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.files import read_json
+from hpp_framework.worlds.loader import SUFFIXES, load_world
+
+CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"
+RUN, EVALUATE = "run", "evaluate"
+
+PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "scipy")
+"""Packages that numbers may depend on."""
+
+NOT_COMPARED = ("versions", "planner_configs")
+
+
+def record(command: str, experiment: Mapping[str, Any], planner_configs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what ``config.json`` holds.
+
+    Args:
+        command: ``"run"`` or ``"evaluate"``.
+        experiment: its fields.
+        planner_configs: effective parameters by planner, None where a planner has none.
+    """
+    content = {
+        **experiment,
+        "command": command,
+        "world_files": digests(experiment["worlds"]),
+        "versions": versions(),
+        "planner_configs": dict(planner_configs),
+    }
+    return json.loads(json.dumps(content, default=str))
+
+
+def digests(worlds: Sequence[str]) -> dict[str, str]:
+    """Return a digest of each world file, its meshes included; registered worlds have none.
+
+    Raises:
+        ConfigError: if a world file has a mistake.
+    """
+    found: dict[str, str] = {}
+    for name in worlds:
+        if name.lower().endswith(SUFFIXES):
+            files = [Path(name), *(mesh.file for mesh in load_world(Path(name)).meshes)]
+            found[name] = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    return found
+
+
+def versions() -> dict[str, str | None]:
+    """Return the versions of Python and of :data:`PACKAGES`, None for a package that is missing."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = None
+    return found
+
+
+def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
+    """Create the folder of an evaluation, or check that it holds the same one.
+
+    Args:
+        out: run folder.
+        config: from :func:`record`.
+
+    Raises:
+        ConfigError: if the folder holds something else, is damaged, or cannot be written to.
+    """
+    file = out / CONFIG
+    if file.exists():
+        found = read_json(file)
+        if found.get("command", EVALUATE) != EVALUATE:
+            raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
+        # what an older version did not record cannot differ
+        unknown = {"command", "world_files"} - found.keys()
+        compared = config.keys() - unknown - set(NOT_COMPARED)
+        different = [key for key in config if key in compared and found.get(key) != config[key]]
+        if different:
+            names = ", ".join("contents of world files" if d == "world_files" else d for d in different)
+            raise ConfigError(
+                f"'{out}' holds another experiment ({names} differ). Choose another --out, or "
+                "repeat the same options to resume it."
+            )
+        return
+    if (out / EPISODES).exists():
+        raise ConfigError(
+            f"'{out}' holds {EPISODES} but no {CONFIG} that says what of. Choose another --out."
+        )
+    _write_config(out, config)
+
+
+def open_run(out: Path, config: Mapping[str, Any]) -> None:
+    """Create the folder of one filmed episode; an earlier one in it is replaced.
+
+    Args:
+        out: run folder.
+        config: from :func:`record`.
+
+    Raises:
+        ConfigError: if the folder holds an evaluation, is damaged, or cannot be written to.
+    """
+    file = out / CONFIG
+    evaluated = (out / EPISODES).exists()
+    if evaluated or (file.exists() and read_json(file).get("command", RUN) != RUN):
+        raise ConfigError(f"'{out}' holds what `hpp evaluate` wrote. Choose another --out.")
+    _write_config(out, config)
+
+
+def read_config(file: Path, command: str) -> dict[str, Any]:
+    """Read a ``config.json`` to repeat it.
+
+    Args:
+        file: a ``config.json``.
+        command: that wants to repeat it.
+
+    Raises:
+        ConfigError: if it cannot be read, another command wrote it, or a world file has changed since.
+    """
+    found = read_json(file)
+    if found.get("command", command) != command:
+        raise ConfigError(f"'{file}' was written by `hpp {found['command']}`; repeat it with that command.")
+    recorded = found.get("world_files", {})
+    for name, digest in digests(list(recorded)).items():
+        if digest != recorded[name]:
+            raise ConfigError(
+                f"world file '{name}' has changed since '{file}' was written, so it cannot be repeated. "
+                "Restore the world file, or give the options without --config."
+            )
+    return found
+
+
+def _write_config(out: Path, config: Mapping[str, Any]) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error
