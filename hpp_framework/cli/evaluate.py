@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from hpp_framework.cli.options import Noise, names
+from hpp_framework.cli.options import Noise, names, only_config
+
+if TYPE_CHECKING:
+    from hpp_framework.evaluation.experiment import Experiment
 
 TABLE_WIDTH = 120
 
@@ -40,6 +43,8 @@ class Evaluate:
     """Seed of worlds, starts and agents."""
     out: Path = Path("out/evaluate")
     """Folder to write to."""
+    config: Path | None = None
+    """A config.json of an earlier evaluation to repeat; other options than --out must be left out then."""
     task: str = "rendezvous"
     """Registered task."""
     skill: str = "p2p"
@@ -51,9 +56,29 @@ class Evaluate:
 
     def run(self) -> None:
         """Run the experiment and print its summary."""
-        from hpp_framework.evaluation.experiment import Experiment, run_experiment
+        from hpp_framework.evaluation.experiment import run_experiment
 
-        experiment = Experiment(
+        experiment = self.experiment()
+        with Progress(transient=True) as progress:
+            bars: dict[str, Any] = {}
+
+            def report(cell: str, done: int, total: int) -> None:
+                if cell not in bars:
+                    bars[cell] = progress.add_task(escape(cell), total=total)
+                progress.update(bars[cell], completed=done)
+
+            summary = run_experiment(experiment, self.out, progress=report)
+        Console(width=TABLE_WIDTH).print(summary_table(summary))
+        print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
+
+    def experiment(self) -> Experiment:
+        """Return what the options, or the config file, describe."""
+        from hpp_framework.evaluation.experiment import Experiment, read_experiment
+
+        if self.config is not None:
+            only_config(self, Evaluate())
+            return read_experiment(self.config, "evaluate")
+        return Experiment(
             worlds=names(self.worlds, "--worlds"),
             planners=names(self.planners, "--planners"),
             team=self.team,
@@ -66,17 +91,6 @@ class Evaluate:
             noise=self.noise.model(),
             weights=names(self.weights, "--weights") if self.weights else (),
         )
-        with Progress(transient=True) as progress:
-            bars: dict[str, Any] = {}
-
-            def report(cell: str, done: int, total: int) -> None:
-                if cell not in bars:
-                    bars[cell] = progress.add_task(escape(cell), total=total)
-                progress.update(bars[cell], completed=done)
-
-            summary = run_experiment(experiment, self.out, progress=report)
-        Console(width=TABLE_WIDTH).print(summary_table(summary))
-        print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
 
 
 def summary_table(summary: list[dict[str, Any]]) -> Table:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.sensing import NoiseModel
@@ -42,6 +43,29 @@ def names(text: str, option: str) -> tuple[str, ...]:
     if twice:
         raise ConfigError(f"{option} names '{twice}' twice.")
     return items
+
+
+def only_config(command: Any, default: Any) -> None:
+    """Check that a command with ``--config`` got no other option than ``--out``.
+
+    Args:
+        command: a dataclass of options.
+        default: the same with every option left out.
+
+    Raises:
+        ConfigError: if an option differs from its default; names all that do.
+    """
+    given = [
+        f"--{field.name}"
+        for field in fields(command)
+        if field.name not in ("config", "out")
+        and getattr(command, field.name) != getattr(default, field.name)
+    ]
+    if given:
+        raise ConfigError(
+            f"--config repeats what '{command.config}' describes; leave out {', '.join(given)}, "
+            "or leave out --config."
+        )
 
 
 def check_folder(out: Path) -> None:

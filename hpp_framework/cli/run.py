@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from hpp_framework.cli.options import Noise, check_folder
+from hpp_framework.cli.options import Noise, only_config
+
+if TYPE_CHECKING:
+    from hpp_framework.evaluation.experiment import Experiment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +37,8 @@ class Run:
     """Seed of world, start and agents."""
     out: Path = Path("out/run")
     """Folder to write to."""
+    config: Path | None = None
+    """A config.json of an earlier run to repeat; other options than --out must be left out then."""
     task: str = "rendezvous"
     """Registered task."""
     skill: str = "p2p"
@@ -45,11 +50,19 @@ class Run:
 
     def run(self) -> None:
         """Run, film, and say where things are."""
-        from hpp_framework.cli.options import names
-        from hpp_framework.evaluation.experiment import Experiment
         from hpp_framework.evaluation.showcase import showcase
 
-        experiment = Experiment(
+        showcase(self.experiment(), self.out)
+
+    def experiment(self) -> Experiment:
+        """Return what the options, or the config file, describe."""
+        from hpp_framework.cli.options import names
+        from hpp_framework.evaluation.experiment import Experiment, read_experiment
+
+        if self.config is not None:
+            only_config(self, Run())
+            return read_experiment(self.config, "run")
+        return Experiment(
             worlds=(self.world,),
             planners=(self.planner,),
             team=self.team,
@@ -62,5 +75,3 @@ class Run:
             noise=self.noise.model(),
             weights=names(self.weights, "--weights") if self.weights else (),
         )
-        check_folder(self.out)
-        showcase(experiment, self.out)
