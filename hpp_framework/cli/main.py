@@ -44,13 +44,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except HppError as error:
         _fail(str(error), BAD_INPUT)
     except KeyboardInterrupt:
-        _fail("interrupted. What was finished is kept; the same command resumes.", INTERRUPTED)
+        _fail(f"interrupted. {_after_interruption(command)}", INTERRUPTED)
     except BrokenPipeError:
         sys.exit(0)
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EDQUOT):
             raise
         _fail(f"cannot write '{error.filename or 'the output'}': {error.strerror}. Choose another --out.", 1)
+
+
+def _after_interruption(command: object) -> str:
+    if isinstance(command, Evaluate | Collect | Train):
+        return "What was finished is kept; the same command resumes."
+    return "Nothing is resumed: the same command starts over."
 
 
 def _fail(message: str, code: int) -> None:

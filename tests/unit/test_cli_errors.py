@@ -8,9 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
+from hpp_framework.cli.evaluate import Evaluate, summary_table
 from hpp_framework.cli.main import main
+from hpp_framework.cli.run import Run
 from hpp_framework.registry import hub
 
 WORLD = "name: room\nbounds: [-5, -5, 5, 5]\n"
@@ -36,6 +39,8 @@ MISTAKES = [
     ("evaluate --worlds simple,simple", ["'simple' twice"]),
     ("evaluate --planners hpp,,centralized-mp", ["empty entry"]),
     ("evaluate --planners centralised-mp", ["'centralized-mp'"]),
+    ("evaluate --planners centralized-mp --preset bset", ["no preset", "'best'"]),
+    ("evaluate --config nowhere.json", ["nowhere.json"]),
     ("evaluate --episodes 0 --planners centralized-mp", ["episodes must be at least 1"]),
     ("evaluate --worlds {bad}", ["bad.yaml", "boxs", "boxes"]),
     ("list robot", ["'robots'"]),
@@ -116,6 +121,32 @@ def test_weights_of_another_robot_and_damaged_weights(tmp_path):
     file.write_bytes(b"not weights")
     with pytest.raises(CheckpointError, match="cannot be read"):
         load_checkpoint(file, {})
+
+
+@pytest.mark.parametrize(("command", "resumes"), [(Evaluate, True), (Run, False)])
+def test_an_interruption_says_whether_the_command_resumes(command, resumes, monkeypatch, capsys):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "run", interrupt)
+    with pytest.raises(SystemExit) as stop:
+        main([command.__name__.lower()])
+    assert stop.value.code == 130
+    assert ("the same command resumes" in capsys.readouterr().err) == resumes
+
+
+def test_messages_are_not_markup(capsys):
+    """A message with brackets, such as `pip install 'x[y]'`, is printed as it is."""
+    console = Console(width=200)
+    row = {
+        "world": "[red]room[/].yaml", "planner": "[bold]p", "success": 0.5, "success_low": 0.1,
+        "success_high": 0.9, "first_contact": 0.5, "time_median_s": None, "collision_episodes": 0,
+        "episodes": 1, "final_distance_mean_m": 1.0, "plan_ms_median": 1.0,
+    }  # fmt: skip
+    console.print(summary_table([row]))
+    shown = capsys.readouterr().out
+    assert "[red]room[/].yaml" in shown
+    assert "[bold]p" in shown
 
 
 def test_the_installed_command_prints_no_traceback():
