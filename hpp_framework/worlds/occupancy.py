@@ -32,7 +32,7 @@ class FreeSpace:
     resolution: float
 
     def at(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
-        """Return the distance to the nearest obstacle at points (..., 2); 0 outside the bounds."""
+        """Return the distance to the nearest obstacle at points (..., n, 2); 0 outside the bounds."""
         rows, columns, inside = self._cells(points)
         return np.where(inside, self.distance[rows, columns], 0.0).astype(np.float32)
 
@@ -51,7 +51,7 @@ class FreeSpace:
         return np.asarray((labels == sizes.argmax()) & (labels > 0))
 
     def inside(self, mask: npt.NDArray[np.bool_], points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
-        """Return whether points (..., 2) lie in cells where ``mask`` is true."""
+        """Return whether points (..., n, 2) lie in cells where ``mask`` is true."""
         rows, columns, inside = self._cells(points)
         return inside & mask[rows, columns]
 
