@@ -1,0 +1,27 @@
+"""The Python examples of README.md and docs/environments.md run as they are printed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("README.md", "docs/environments.md")
+EXAMPLES = [
+    (page, number, code)
+    for page in PAGES
+    for number, code in enumerate(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL))
+]
+
+
+def test_every_page_has_examples():
+    assert [sum(page == name for page, _, _ in EXAMPLES) for name in PAGES] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("page", "number", "code"), EXAMPLES, ids=[f"{page}-{number}" for page, number, _ in EXAMPLES]
+)
+def test_example_runs(page, number, code):
+    exec(compile(code, f"{page}, example {number + 1}", "exec"), {})
