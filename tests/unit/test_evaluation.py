@@ -120,3 +120,26 @@ def test_agents_brake_in_time_to_rest_together():
     assert bool(rest(seen(2.5, 1.0)))
     assert not bool(rest(seen(2.5, 0.2)))
     assert bool(rest(seen(0.9, 0.0)))
+
+
+def test_timing_plans_from_beliefs_and_leaves_agents_alone():
+    """What a plan costs includes what a belief adds to it; agents start their episode as if never timed."""
+    team = parse_team("fetch,freight")
+    task = hub().tasks.create("rendezvous", team.robots)
+    agents = build_agents(team, "centralized-rp", task)
+    world, start = draw_episode(SMALL, "simple", resolve_world("simple"), 0)
+    calls: list[tuple[bool, int]] = []
+    plan = agents[0].planner.plan
+
+    def watched(observation, belief, rng):
+        calls.append((belief is None, rng.initial_seed()))
+        return plan(observation, belief, rng)
+
+    agents[0].planner.plan = watched
+    own = agents[0].rng.initial_seed()
+    episodes = run_episodes(
+        BatchSimulator(team.robots), [world], torch.from_numpy(start).float()[None], agents, task, steps=1
+    )
+    timed = [first for first, seed in calls if seed != own]
+    assert timed == [True] + [False] * (len(episodes.plan_seconds) // 2)
+    assert [first for first, seed in calls if seed == own] == [True]
