@@ -57,12 +57,11 @@ def test_the_wheel_says_that_it_is_typed_and_licensed(wheel):
     assert len(license_text) > 10_000
 
 
-def test_the_wheel_names_command_plugins_and_environments(wheel):
+def test_the_wheel_names_command_and_plugins(wheel):
     info = next(name for name in wheel.namelist() if name.endswith(".dist-info/entry_points.txt"))
     text = wheel.read(info).decode()
     assert re.search(r"\[console_scripts\]\nhpp = ", text)
     assert re.search(r"\[hpp_framework.plugins\]\nhpp_framework = .*\nhpp_robots = .*\nhpp_skills = ", text)
-    assert "[gymnasium.envs]" in text
 
 
 def test_the_version_is_said_once(wheel):
