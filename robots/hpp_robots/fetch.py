@@ -37,7 +37,7 @@ ARM = (
 )
 """Offset from the joint before and axis of each joint (URDF)."""
 TUCKED = (1.32, 1.40, -0.2, 1.72, 0.0, 1.66, 0.0)
-"""Joint angles in radians of a tucked posture; chosen by us, for looks only (the arm takes no part in contact)."""
+"""Joint angles in radians of a tucked posture; our own choice, for looks only (the arm touches nothing)."""
 JOINT_RADII = (0.068, 0.060, 0.062, 0.054, 0.056, 0.048)
 HEIGHT = 1.10
 """Torso down (URDF); 1.49 m with the torso up."""
