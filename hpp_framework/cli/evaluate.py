@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from hpp_framework.cli.options import Noise, names, only_config
-
-if TYPE_CHECKING:
-    from hpp_framework.evaluation.experiment import Experiment
+from hpp_framework.cli.options import Noise, names, to_experiment
 
 TABLE_WIDTH = 120
 
@@ -58,7 +55,13 @@ class Evaluate:
         """Run the experiment and print its summary."""
         from hpp_framework.evaluation.experiment import run_experiment
 
-        experiment = self.experiment()
+        experiment = to_experiment(
+            self,
+            "evaluate",
+            worlds=names(self.worlds, "--worlds"),
+            planners=names(self.planners, "--planners"),
+            episodes=self.episodes,
+        )
         with Progress(transient=True) as progress:
             bars: dict[str, Any] = {}
 
@@ -70,27 +73,6 @@ class Evaluate:
             summary = run_experiment(experiment, self.out, progress=report)
         Console(width=TABLE_WIDTH).print(summary_table(summary))
         print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
-
-    def experiment(self) -> Experiment:
-        """Return what the options, or the config file, describe."""
-        from hpp_framework.evaluation.experiment import Experiment, read_experiment
-
-        if self.config is not None:
-            only_config(self, Evaluate())
-            return read_experiment(self.config, "evaluate")
-        return Experiment(
-            worlds=names(self.worlds, "--worlds"),
-            planners=names(self.planners, "--planners"),
-            team=self.team,
-            preset=self.preset,
-            backend=self.backend,
-            episodes=self.episodes,
-            seed=self.seed,
-            task=self.task,
-            skill=self.skill,
-            noise=self.noise.model(),
-            weights=names(self.weights, "--weights") if self.weights else (),
-        )
 
 
 def summary_table(summary: list[dict[str, Any]]) -> Table:

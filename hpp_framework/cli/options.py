@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.sensing import NoiseModel
+
+if TYPE_CHECKING:
+    from hpp_framework.evaluation.experiment import Experiment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +46,41 @@ def names(text: str, option: str) -> tuple[str, ...]:
     if twice:
         raise ConfigError(f"{option} names '{twice}' twice.")
     return items
+
+
+def to_experiment(
+    options: Any, command: str, *, worlds: tuple[str, ...], planners: tuple[str, ...], episodes: int
+) -> Experiment:
+    """Return the experiment that the options of a command, or its config file, describe.
+
+    Args:
+        options: of either command; what both have is read here.
+        command: ``"run"`` or ``"evaluate"``.
+        worlds: registered worlds or world files.
+        planners: registered planners.
+        episodes: a world and planner.
+
+    Raises:
+        ConfigError: if an option is wrong, or given beside ``--config``.
+    """
+    from hpp_framework.evaluation.experiment import Experiment, read_experiment
+
+    if options.config is not None:
+        only_config(options, type(options)())
+        return read_experiment(options.config, command)
+    return Experiment(
+        worlds=worlds,
+        planners=planners,
+        team=options.team,
+        preset=options.preset,
+        backend=options.backend,
+        episodes=episodes,
+        seed=options.seed,
+        task=options.task,
+        skill=options.skill,
+        noise=options.noise.model(),
+        weights=names(options.weights, "--weights") if options.weights else (),
+    )
 
 
 def only_config(command: Any, default: Any) -> None:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import tyro
 
-from hpp_framework.cli.options import Noise, only_config
-
-if TYPE_CHECKING:
-    from hpp_framework.evaluation.experiment import Experiment
+from hpp_framework.cli.options import Noise, to_experiment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,26 +49,5 @@ class Run:
         """Run, film, and say where things are."""
         from hpp_framework.evaluation.showcase import showcase
 
-        showcase(self.experiment(), self.out)
-
-    def experiment(self) -> Experiment:
-        """Return what the options, or the config file, describe."""
-        from hpp_framework.cli.options import names
-        from hpp_framework.evaluation.experiment import Experiment, read_experiment
-
-        if self.config is not None:
-            only_config(self, Run())
-            return read_experiment(self.config, "run")
-        return Experiment(
-            worlds=(self.world,),
-            planners=(self.planner,),
-            team=self.team,
-            preset=self.preset,
-            backend=self.backend,
-            episodes=1,
-            seed=self.seed,
-            task=self.task,
-            skill=self.skill,
-            noise=self.noise.model(),
-            weights=names(self.weights, "--weights") if self.weights else (),
-        )
+        experiment = to_experiment(self, "run", worlds=(self.world,), planners=(self.planner,), episodes=1)
+        showcase(experiment, self.out)

@@ -28,7 +28,7 @@ from hpp_framework.task import Task
 from hpp_framework.team import Team, parse_team
 from hpp_framework.types import Observation, State
 from hpp_framework.worlds.loader import resolve_world
-from hpp_framework.worlds.occupancy import FreeSpace, free_space
+from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.spawn import spawn_poses
 from hpp_framework.worlds.world import World
 
@@ -76,7 +76,6 @@ class TeamEpisode:
         self.task = hub().tasks.create(config.task, robots) if isinstance(config.task, str) else config.task
         self._draw_world = resolve_world(world) if isinstance(world, str) else lambda _: world
         self._simulator = make_simulator(config.backend, robots)
-        self._space: tuple[World, FreeSpace] | None = None
         self._picture = Picture(robots)
         self.started = False
         self.steps = 0
@@ -96,9 +95,7 @@ class TeamEpisode:
         self.world = self._draw_world(numpy_rng(seed, "world"))
         check_bounds(self.world)
         if poses is None:
-            poses = spawn_poses(
-                self.world, self.team.robots, numpy_rng(seed, "starts"), space=self.free_space()
-            )
+            poses = spawn_poses(self.world, self.team.robots, numpy_rng(seed, "starts"))
         elif to_numbers(poses).shape != (len(self.team), 3):
             raise ConfigError(f"start poses must be numbers of shape ({len(self.team)}, 3), got {poses!r}.")
         start = torch.as_tensor(np.asarray(poses, np.float32))[None]
@@ -151,21 +148,12 @@ class TeamEpisode:
         """Return what one agent knows."""
         return self._sensing.observe(agent)
 
-    def free_space(self) -> FreeSpace:
-        """Return the free space of this episode's world for the tallest robot."""
-        if self._space is None or self._space[0] is not self.world:
-            height = max(robot.height for robot in self.team.robots)
-            self._space = (self.world, free_space(self.world, body_height=height))
-        return self._space[1]
-
     def draw_goal(self) -> tuple[float, float]:
         """Draw a point that every robot of the team can reach; depends on the episode's seed only."""
-        space = self.free_space()
+        space = free_space(self.world, body_height=max(robot.height for robot in self.team.robots))
         clearance = max(robot.footprint_radius for robot in self.team.robots) + self.world.spawn.clearance
         regions = space.regions(clearance)
-        cell = ((self.poses[0, :2] - np.array(space.origin)) / space.resolution).astype(int)
-        column, row = np.clip(cell, 0, np.array(regions.shape[::-1]) - 1)
-        label = regions[row, column]
+        label = int(space.look_up(regions, self.poses[:1, :2])[0])
         mask = regions == label if label > 0 else space.largest_region(clearance)
         if not mask.any():
             raise ConfigError(

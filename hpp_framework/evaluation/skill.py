@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from hpp_framework.envs.point_to_point import PointToPoint
 from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.statistics import wilson_interval
 from hpp_framework.robot import RobotSpec
@@ -19,9 +20,9 @@ from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.skill import Skill
 from hpp_framework.worlds.pool import WorldPool, build_pool
 
-GOAL_RADIUS = 0.3
-REST_SPEED = 0.15
-DWELL = 5
+ARRIVAL = PointToPoint()
+"""What counts as arriving, the same as in training."""
+
 STARTS = 32
 """Points of a world that are tried as starts."""
 
@@ -86,9 +87,10 @@ def evaluate_skill(
         state = simulator.step(skill.act(sensing.observe(0), goal)[:, None])
         sensing.update(state)
         touched |= state.collided[:, 0] & (done < 0)
-        near = (state.poses[:, 0, :2] - goal).norm(dim=1) < GOAL_RADIUS
-        dwelt = torch.where(near & (state.velocities[:, 0, 0].abs() < REST_SPEED), dwelt + 1, 0)
-        done = torch.where((done < 0) & (dwelt >= DWELL), step, done)
+        near = (state.poses[:, 0, :2] - goal).norm(dim=1) < ARRIVAL.goal_radius
+        resting = state.velocities[:, 0, 0].abs() < ARRIVAL.rest_speed
+        dwelt = torch.where(near & resting, dwelt + 1, 0)
+        done = torch.where((done < 0) & (dwelt >= ARRIVAL.dwell), step, done)
     success = done >= 0
     low, high = wilson_interval(int(success.sum()), episodes)
     return SkillScore(

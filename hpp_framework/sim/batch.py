@@ -62,14 +62,14 @@ class BatchSimulator(Simulator):
         self._geometry: Any = None
 
     def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
-        """Start one episode a world; equal world objects share their geometry."""
+        """Start one episode a world; equal worlds share their geometry."""
         self.check_poses(worlds, poses)
-        pool = tuple({id(world): world for world in worlds}.values())
-        place = {id(world): index for index, world in enumerate(pool)}
+        pool = tuple(dict.fromkeys(worlds))
+        place = {world: index for index, world in enumerate(pool)}
         self.load(pool, episodes=len(worlds))
         everyone = torch.ones(len(worlds), len(self.robots), dtype=torch.bool)
         return self.place(
-            torch.tensor([place[id(world)] for world in worlds], dtype=torch.int32), everyone, poses
+            torch.tensor([place[world] for world in worlds], dtype=torch.int32), everyone, poses
         )
 
     def load(self, pool: Sequence[World], *, episodes: int) -> None:

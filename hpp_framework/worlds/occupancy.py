@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -50,10 +51,12 @@ class FreeSpace:
         sizes[0] = 0
         return np.asarray((labels == sizes.argmax()) & (labels > 0))
 
-    def inside(self, mask: npt.NDArray[np.bool_], points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
-        """Return whether points (..., n, 2) lie in cells where ``mask`` is true."""
+    def look_up(
+        self, labels: npt.NDArray[np.int32], points: npt.NDArray[np.floating]
+    ) -> npt.NDArray[np.int32]:
+        """Return the region labels (..., n) at points (..., n, 2); 0 outside the bounds."""
         rows, columns, inside = self._cells(points)
-        return inside & mask[rows, columns]
+        return np.where(inside, labels[rows, columns], 0).astype(np.int32)
 
     def sample(
         self, mask: npt.NDArray[np.bool_], count: int, rng: np.random.Generator
@@ -75,8 +78,11 @@ class FreeSpace:
         return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1), inside
 
 
+@lru_cache(maxsize=64)
 def free_space(world: World, *, body_height: float, resolution: float = RESOLUTION) -> FreeSpace:
     """Rasterise a world for a body of the given height.
+
+    Equal worlds are rasterised once and share the result: do not write into it.
 
     Args:
         world: the world.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.robot import RobotSpec
-from hpp_framework.worlds.occupancy import FreeSpace, free_space
+from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.world import World
 
 ATTEMPTS = 2000
@@ -19,11 +19,7 @@ GAP = 0.5
 
 
 def spawn_poses(
-    world: World,
-    robots: Sequence[RobotSpec],
-    rng: np.random.Generator,
-    *,
-    space: FreeSpace | None = None,
+    world: World, robots: Sequence[RobotSpec], rng: np.random.Generator
 ) -> npt.NDArray[np.float64]:
     """Draw start poses (n, 3) by the world's spawn rule: free, mutually reachable, headings random.
 
@@ -33,21 +29,20 @@ def spawn_poses(
         world: the world.
         robots: the team.
         rng: source of randomness.
-        space: the world's free space, if already computed for the tallest robot.
 
     Raises:
         ConfigError: if no placement was found in 2,000 tries, or the fixed starts do not suit the team.
     """
-    space = space or free_space(world, body_height=max(robot.height for robot in robots))
     if world.spawn.poses is not None:
-        check_spawn(world, robots, space=space)
+        check_spawn(world, robots)
         return np.array(world.spawn.poses[: len(robots)], np.float64)
+    space = free_space(world, body_height=max(robot.height for robot in robots))
     radius = max(robot.footprint_radius for robot in robots)
     regions = space.regions(radius + world.spawn.clearance)
     ring = _ring_radius(world.spawn.distance, radius, len(robots))
     for _ in range(ATTEMPTS):
         points = _ring(world, len(robots), ring, rng)
-        labels = np.where(space.at(points) > 0, _labels_at(space, regions, points), 0)
+        labels = space.look_up(regions, points)
         if labels.min() > 0 and labels.min() == labels.max():
             return np.column_stack([points, rng.uniform(-math.pi, math.pi, len(robots))])
     raise ConfigError(
@@ -57,13 +52,12 @@ def spawn_poses(
     )
 
 
-def check_spawn(world: World, robots: Sequence[RobotSpec], *, space: FreeSpace | None = None) -> None:
+def check_spawn(world: World, robots: Sequence[RobotSpec]) -> None:
     """Check the fixed starts of a world for a team; a world without fixed starts passes.
 
     Args:
         world: the world.
         robots: the team, or nobody to check the starts as points.
-        space: the world's free space, if already computed for the tallest robot.
 
     Raises:
         ConfigError: if starts are too few, overlap, or lie in or too near an obstacle or outside the bounds.
@@ -76,7 +70,7 @@ def check_spawn(world: World, robots: Sequence[RobotSpec], *, space: FreeSpace |
             f"{world.label}: 'spawn.poses' has {len(starts)} starts for {len(robots)} robots. "
             "List [x, y, heading_deg] for each robot, or use a smaller team."
         )
-    space = space or free_space(world, body_height=max((robot.height for robot in robots), default=0.3))
+    space = free_space(world, body_height=max((robot.height for robot in robots), default=0.3))
     radii = [robot.footprint_radius for robot in robots] or [0.0] * len(starts)
     points = np.array(starts)[: len(radii), :2]
     for i, gap in enumerate(space.at(points).tolist()):
@@ -109,12 +103,3 @@ def _ring(world: World, count: int, radius: float, rng: np.random.Generator) -> 
         axis = world.spawn.axis + rng.uniform(-1, 1) * world.spawn.axis_spread
     angles = axis + 2 * math.pi * np.arange(count) / count
     return center + radius * np.stack([np.cos(angles), np.sin(angles)], -1)
-
-
-def _labels_at(
-    space: FreeSpace, regions: npt.NDArray[np.int32], points: npt.NDArray[np.float64]
-) -> npt.NDArray[np.int32]:
-    cells = np.floor((points - np.array(space.origin)) / space.resolution).astype(int)
-    rows = np.clip(cells[:, 1], 0, regions.shape[0] - 1)
-    columns = np.clip(cells[:, 0], 0, regions.shape[1] - 1)
-    return regions[rows, columns]

@@ -26,7 +26,7 @@ def test_wall_divides_a_room_and_samples_stay_in_the_larger_part():
     assert space.regions(0.3).max() == 2
     points = space.sample(space.largest_region(0.3), 200, np.random.default_rng(0))
     assert points[:, 0].max() < 2.6
-    assert space.inside(space.largest_region(0.3), points).all()
+    assert space.look_up(space.largest_region(0.3).astype(np.int32), points).all()
 
 
 def test_solid_mesh_blocks_its_inside(tmp_path):

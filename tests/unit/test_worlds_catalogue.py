@@ -23,7 +23,7 @@ def test_starts_are_five_metres_apart_in_the_open_and_differ(name, robots):
     rng = np.random.default_rng(0)
     world = resolve_world(name)(rng)
     space = free_space(world, body_height=1.1)
-    starts = [spawn_poses(world, robots, rng, space=space) for _ in range(10)]
+    starts = [spawn_poses(world, robots, rng) for _ in range(10)]
     for poses in starts:
         assert np.hypot(*(poses[0] - poses[1])[:2]) == pytest.approx(5.0)
         assert space.at(poses[:, :2]).min() > robots[0].footprint_radius
