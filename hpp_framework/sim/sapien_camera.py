@@ -139,6 +139,8 @@ class SceneCamera:
         self._scene.add_directional_light(sun, _SUNLIGHT)
         add_world(self._scene, world, sun)
         self._robots = [RobotVisual(self._scene, robot, sun) for robot in robots]
+        down = np.linspace(0, 1, size[1], dtype=np.float32)[:, None, None]
+        self._sky = _SKY[0] * (1 - down) + _SKY[1] * down
         width, height = (side * OVERSAMPLING for side in size)
         self._camera = sapien.render.RenderCameraComponent(width, height, str(SHADERS))
         self._camera.set_fovy(view.field_of_view, compute_x=True)
@@ -156,12 +158,10 @@ class SceneCamera:
         self._scene.update_render()
         self._camera.take_picture()
         drawn = np.asarray(self._camera.get_picture("Color"))
-        small = cv2.resize(drawn, self.size, interpolation=cv2.INTER_AREA)
-        share = np.linspace(0, 1, self.size[1], dtype=np.float32)[:, None, None]
-        sky = _SKY[0] * (1 - share) + _SKY[1] * share
-        covered = np.clip(small[..., 3:], 0, 1)
-        image = np.clip(small[..., :3], 0, 1) * 255 * covered + sky * (1 - covered)
-        return image.round().astype(np.uint8)
+        small = cv2.resize(drawn, self.size, interpolation=cv2.INTER_AREA).clip(0, 1)
+        color, covered = small[..., :3], small[..., 3:]
+        image = (255 * color - self._sky) * covered + self._sky
+        return np.rint(image, out=image).astype(np.uint8)
 
 
 @cache

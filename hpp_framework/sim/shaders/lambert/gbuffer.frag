@@ -1,5 +1,6 @@
 #version 450
 // Lambert shading without an environment map, so that a software renderer draws a frame in tens of milliseconds.
+// Colour is the only output: writing positions and segmentation as well doubles the time of a frame.
 // The uniform blocks mirror the interface of SAPIEN's own shader packs (Apache-2.0, the SAPIEN authors).
 layout(set = 0, binding = 0) uniform CameraBuffer {
   mat4 viewMatrix;
@@ -45,12 +46,8 @@ layout(set = 3, binding = 0) uniform SceneBuffer {
 } sceneBuffer;
 
 layout(location = 0) in vec4 inPosition;
-layout(location = 1) in vec2 inUV;
-layout(location = 2) in flat uvec4 inSegmentation;
 layout(location = 3) in vec3 inNormal;
 layout(location = 0) out vec4 outColor;
-layout(location = 1) out vec4 outPosition;
-layout(location = 2) out uvec4 outSegmentation;
 
 const float FLOOR_TOP = 0.005;   // metres; shadows lie just below
 const float LINE = 0.012;        // half the width of a floor line, metres
@@ -64,8 +61,6 @@ float lines(vec2 at) {
 }
 
 void main() {
-  outPosition = inPosition;
-  outSegmentation = inSegmentation;
   vec3 color = materialBuffer.baseColor.rgb;
   vec3 normal = normalize(inNormal);
   vec3 world = (cameraBuffer.viewMatrixInverse * vec4(inPosition.xyz, 1.0)).xyz;

@@ -21,14 +21,10 @@ layout(location = 2) in vec2 uv;
 layout(location = 3) in vec3 tangent;
 layout(location = 4) in vec3 bitangent;
 layout(location = 0) out vec4 outPosition;
-layout(location = 1) out vec2 outUV;
-layout(location = 2) out flat uvec4 outSegmentation;
 layout(location = 3) out vec3 outNormal;
 
 void main() {
   mat4 model = objectTransformBuffer.modelMatrix;
-  outSegmentation = objectDataBuffer.segmentation;
-  outUV = uv;
   outNormal = mat3(transpose(inverse(model))) * normal;
   outPosition = cameraBuffer.viewMatrix * (model * vec4(position, 1.0));
   gl_Position = cameraBuffer.projectionMatrix * outPosition;
