@@ -27,7 +27,7 @@ def register(hub: Hub) -> None:
     )
     prediction = "hpp_framework.prediction"
     for name, module, summary in (
-        ("delta-pose-lidar", "delta", "the paper's one-step model, rolled out (Eq. 2 and 3)"),
+        ("delta-pose-lidar", "delta_rollout", "the paper's one-step model, rolled out (Eq. 2 and 3)"),
         ("far-sighted", "far_sighted", "positions 1 to 12 s ahead, directly"),
         ("constant-velocity", "constant_velocity", "everybody goes on as now; needs no weights"),
     ):

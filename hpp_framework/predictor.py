@@ -2,14 +2,16 @@
 
 The loop that calls one (inside a meta-planner)::
 
-    imagined = predictor.rollout(observation, goals, horizon)
-    scores = task.reward(imagined.poses[:, :, -1])
+    imagine = predictor.condition(observation, horizon)
+    for goals in candidates:
+        scores = task.reward(imagine(goals).poses[:, :, -1])
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from jaxtyping import Float
@@ -17,6 +19,9 @@ from torch import Tensor
 
 from hpp_framework.team import Team
 from hpp_framework.types import Observation, Trajectories
+
+Imagine = Callable[[Float[Tensor, "b g 2"]], Trajectories]
+"""The motion of the team for each goal, after one observation."""
 
 
 class Predictor(ABC):
@@ -32,6 +37,14 @@ class Predictor(ABC):
             horizon: number of prediction steps; their length is the predictor's own
                 (see ``Trajectories.times``).
         """
+
+    def condition(self, observation: Observation, horizon: int) -> Imagine:
+        """Prepare :meth:`rollout` for many calls with one observation, as a search over goals makes them.
+
+        Predictors override this to compute once what is the same for every goal. A call of the result may
+        overwrite the trajectories that the call before returned.
+        """
+        return lambda goals: self.rollout(observation, goals, horizon)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +62,29 @@ class PredictorRequest:
     folders: tuple[Path, ...] = ()
 
 
+@dataclass(frozen=True)
+class TrainingProgress:
+    """How far the training of a model has come.
+
+    Attributes:
+        model: its file name.
+        step: gradient steps done.
+        status: loss and the like, in a few words.
+        message: a line worth keeping, or empty.
+    """
+
+    model: str
+    step: int
+    status: str
+    message: str = ""
+
+
+def print_message(progress: TrainingProgress) -> None:
+    """Print the lines worth keeping."""
+    if progress.message:
+        print(progress.message)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PredictorTraining:
     """What every predictor trainer is told.
@@ -62,7 +98,7 @@ class PredictorTraining:
         steps: gradient steps.
         batch: samples a gradient step.
         learning_rate: of Adam.
-        threads: torch threads.
+        report: is told now and then how far the training has come.
     """
 
     data: Path
@@ -73,4 +109,4 @@ class PredictorTraining:
     steps: int = 50_000
     batch: int = 500
     learning_rate: float = 1e-3
-    threads: int = 2
+    report: Callable[[TrainingProgress], None] = field(default=print_message, compare=False)

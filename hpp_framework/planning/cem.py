@@ -58,21 +58,21 @@ def cross_entropy(
         objective: scores of candidates; higher is better. Called once an iteration for all rows.
         mean: of the first Gaussian.
         std: of the first Gaussian, an axis each.
-        rng: source of the samples; rows that have converged still draw, so a row's result does not depend on
-            when others converge.
+        rng: source of the samples, all drawn at once: a row's result does not depend on when others converge.
         config: parameters.
     """
     samples = mean[:, None]
     scores = mean.new_zeros(len(mean), 1)
-    for _ in range(config.iterations):
+    shape = (config.iterations, len(mean), config.samples, mean.shape[1])
+    for noise in torch.randn(shape, generator=rng).to(mean):
         active = std.amax(1, keepdim=True) > config.epsilon
         if not bool(active.any()):
             break
-        noise = torch.randn(len(mean), config.samples, mean.shape[1], generator=rng).to(mean)
-        samples = mean[:, None] + noise * std[:, None]
+        samples = torch.addcmul(mean[:, None], noise, std[:, None])
         scores = objective(samples)
-        best = scores.topk(config.elites, dim=1).indices
+        best = scores.topk(config.elites, dim=1, sorted=False).indices
         elites = samples.gather(1, best[..., None].expand(-1, -1, mean.shape[1]))
-        mean = torch.where(active, elites.mean(1), mean)
-        std = torch.where(active, elites.std(1, unbiased=False), std)
+        variance, middle = torch.var_mean(elites, 1, correction=0)
+        mean = torch.where(active, middle, mean)
+        std = torch.where(active, variance.sqrt(), std)
     return CemResult(mean, std, samples, scores)

@@ -69,10 +69,11 @@ class HppPlanner(MetaPlanner):
         del belief
         positions = observation.team_poses[..., :2]
         spread = positions.amax(1) - positions.amin(1)
+        imagine = self.predictor.condition(observation, self.config.horizon)
         seen: list[Trajectories] = []
 
         def objective(goals: Float[Tensor, "b g 2"]) -> Float[Tensor, "b g"]:
-            imagined = self.predictor.rollout(observation, goals, self.config.horizon)
+            imagined = imagine(goals)
             seen[:] = [imagined]
             return self.task.trajectory_reward(imagined.poses)
 

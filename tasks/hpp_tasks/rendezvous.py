@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+from torch.linalg import vector_norm
 
 from hpp_framework.robot import RobotSpec
 from hpp_framework.task import Task
@@ -43,13 +44,13 @@ class Rendezvous(Task):
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
         """Return Eq. 1: 0 within ``radius`` of the centre, else minus all distances, each pair twice."""
         xy = poses[..., :2]
-        apart = (xy[..., :, None, :] - xy[..., None, :, :]).norm(dim=-1).sum((-1, -2))
-        return torch.where(self.met(poses), torch.zeros_like(apart), -apart)
+        apart = vector_norm(xy[..., :, None, :] - xy[..., None, :, :], dim=-1).sum((-1, -2))
+        return apart.neg().masked_fill(self.met(poses), 0.0)
 
     def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
         """Return whether everybody is within ``radius`` of the centre."""
         xy = poses[..., :2]
-        return ((xy - xy.mean(-2, keepdim=True)).norm(dim=-1) < self.radius).all(-1)
+        return (vector_norm(xy - xy.mean(-2, keepdim=True), dim=-1) < self.radius).all(-1)
 
     def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
         """Return whether everybody is close and no two robots move apart or together faster than 0.1 m/s."""

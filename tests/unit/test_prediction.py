@@ -15,7 +15,8 @@ from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.prediction.collect import SCAN_UNIT, Collection, collect
 from hpp_framework.prediction.constant_velocity import ConstantVelocity
 from hpp_framework.prediction.dataset import TrajectoryData
-from hpp_framework.prediction.delta import DeltaNetwork, DeltaPoseLidar
+from hpp_framework.prediction.delta import DeltaNetwork
+from hpp_framework.prediction.delta_rollout import DeltaPoseLidar
 from hpp_framework.prediction.far_sighted import OFFSETS, FarSighted, FarSightedNetwork
 from hpp_framework.predictor import PredictorRequest, PredictorTraining
 from hpp_framework.registry import hub
@@ -92,13 +93,14 @@ def test_future_with_another_goal_is_marked(folder):
 @pytest.mark.parametrize("subject", [0, 1])
 def test_training_learns_resumes_and_is_refused_for_others(team, folder, tmp_path, kind, subject):
     config = PredictorTraining(
-        data=folder, out=tmp_path, agent=0, subject=subject, steps=60, batch=64, threads=1, seed=2
+        data=folder, out=tmp_path, agent=0, subject=subject, steps=60, batch=64, seed=2
     )
     file = hub().predictor_trainers.create(kind, config)
     weights, card = load_checkpoint(file, {})
     assert card["predictor"] == kind
     assert card["command"].startswith(f"hpp train predictor {kind}")
     assert all(np.isfinite(v) for v in card["validation"].values())
+    file.unlink()
     again = hub().predictor_trainers.create(kind, config)
     assert all(torch.equal(weights[n], w) for n, w in load_checkpoint(again, {})[0].items())
     with pytest.raises(CheckpointError, match="history"):
@@ -132,7 +134,7 @@ def interrupted(monkeypatch, config, *, after=30):
 @pytest.fixture
 def config(folder, tmp_path):
     return PredictorTraining(
-        data=folder, out=tmp_path / "out", agent=0, subject=1, steps=40, batch=16, threads=1, seed=2
+        data=folder, out=tmp_path / "out", agent=0, subject=1, steps=40, batch=16, seed=2
     )
 
 
@@ -180,7 +182,7 @@ def test_the_card_says_the_command_that_repeats_the_training(config):
     file = hub().predictor_trainers.create("far-sighted", replace(config, steps=2))
     assert load_checkpoint(file, {})[1]["command"] == (
         f"hpp train predictor far-sighted --data {config.data.name} --agent 0 --subject 1 --steps 2 "
-        "--batch 16 --seed 2 --threads 1"
+        "--batch 16 --seed 2"
     )
 
 
