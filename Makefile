@@ -28,8 +28,8 @@ lint: $(STAMP) ## style, formatting and the direction of dependencies
 types: $(STAMP) ## static types
 	@$(BIN)/basedpyright
 
-bench: $(STAMP) ## speed of the batch simulator
-	@$(BIN)/python tests/bench/bench_batch.py
+bench: $(STAMP) ## speed of everything on this machine (more options: make bench BENCH_ARGS="planning --scale full")
+	@$(BIN)/hpp bench $(BENCH_ARGS)
 
 vulkan: ## a software renderer for SAPIEN where there is none (Debian, Ubuntu; root)
 	@scripts/install-vulkan.sh || echo "No Vulkan: SAPIEN simulates, but pictures come from the top-down view."

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from hpp_framework.cli.bench import Bench
 from hpp_framework.cli.collect import Collect
 from hpp_framework.cli.doctor import Doctor
 from hpp_framework.cli.evaluate import Evaluate
@@ -23,6 +24,7 @@ Command = (
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[Collect, tyro.conf.subcommand("collect")]
     | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
 
@@ -56,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _after_interruption(command: object) -> str:
     if isinstance(command, Evaluate | Collect | Train):
         return "What was finished is kept; the same command resumes."
+    if isinstance(command, Bench):
+        return f"What was finished is in '{command.out}'; the same command starts over."
     return "Nothing is resumed: the same command starts over."
 
 

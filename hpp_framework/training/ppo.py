@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -141,6 +142,7 @@ class _Progress(BaseCallback):
         super().__init__()
         self.out, self.total, self.progress = out, total, progress
         self.interrupted = False
+        self._began = perf_counter()
         self._task = progress.add_task("training", total=total)
 
     def _on_step(self) -> bool:
@@ -154,6 +156,8 @@ class _Progress(BaseCallback):
             "steps": self.num_timesteps,
             "success": success,
             "touch_share": float(np.mean(self.training_env.touch_share)),
+            # since this process began or resumed the training; `hpp bench` reads speed off it
+            "seconds": round(perf_counter() - self._began, 4),
         }
         curve = self.out / "curve.jsonl"
         try:

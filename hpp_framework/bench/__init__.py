@@ -1,0 +1,1 @@
+"""Reproducible benchmarks: what ``hpp bench`` runs."""

@@ -1,0 +1,199 @@
+"""Benchmarks of the simulators: agent-steps, scans, and the batch lidar against SAPIEN's rays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+
+import torch
+
+from hpp_framework.bench.measurement import Measurement, Settings, SkippedError, rates, ratios, timed
+from hpp_framework.bench.rooms import WALL_SEGMENTS, furnished, robots_of, starts
+from hpp_framework.errors import SimulatorError
+from hpp_framework.seeding import numpy_rng, torch_rng
+from hpp_framework.sim import make_simulator
+from hpp_framework.sim.batch import BatchSimulator
+
+BOXES = 20
+"""Boxes of the usual case; with the outer walls they are 96 segments."""
+
+COMMANDS = 16
+"""Different commands that a simulation repeats."""
+
+FEW, MANY = 80, 2000
+"""Segments between which growth is measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One set of parameters of the batch simulator.
+
+    Attributes:
+        worlds: episodes side by side.
+        robots: a world.
+        beams: a scan.
+        segments: obstacle segments a world, 16 of them the outer walls.
+        rooms: different rooms.
+    """
+
+    worlds: int = 1024
+    robots: int = 2
+    beams: int = 222
+    segments: int = WALL_SEGMENTS + 4 * BOXES
+    rooms: int = 32
+
+
+class Loop:
+    """A batch simulator with commands to repeat.
+
+    Args:
+        case: what is simulated.
+        settings: device and seed.
+    """
+
+    def __init__(self, case: Case, settings: Settings) -> None:
+        self.case, self.settings = case, settings
+        robots = robots_of(settings, case.robots, case.beams)
+        rng = numpy_rng(settings.seed, "bench", "rooms")
+        boxes = (case.segments - WALL_SEGMENTS) // 4
+        rooms = [furnished(rng, boxes) for _ in range(min(case.rooms, case.worlds))]
+        poses = starts(rooms, robots, case.worlds, rng)
+        self.simulator = BatchSimulator(robots, device=settings.device)
+        self.simulator.load(rooms, episodes=case.worlds)
+        self._worlds = torch.arange(case.worlds, dtype=torch.int32) % len(rooms)
+        self._nobody = torch.zeros(case.worlds, case.robots, dtype=torch.bool)
+        self._poses = poses
+        self.simulator.place(self._worlds, ~self._nobody, poses)
+        commands = torch.rand(
+            COMMANDS, case.worlds, case.robots, 2, generator=torch_rng(settings.seed, "bench")
+        )
+        commands[..., 1] = 2 * commands[..., 1] - 1
+        self._commands = list(commands.to(settings.device))
+        self.steps = _enough(self._step, settings)
+
+    def _step(self) -> None:
+        self.simulator.step(self._commands[0])
+        self.settings.wait()
+
+    def drive(self) -> None:
+        """Step often enough to take time."""
+        for index in range(self.steps):
+            self.simulator.step(self._commands[index % COMMANDS])
+        self.settings.wait()
+
+    def look(self) -> None:
+        """Cast all lidars as often; nobody moves."""
+        for _ in range(self.steps):
+            self.simulator.place(self._worlds, self._nobody, self._poses)
+        self.settings.wait()
+
+
+def _enough(action: object, settings: Settings) -> int:
+    """Return how often an action fills a repeat, at least 2 and at most 1,000 times."""
+    assert callable(action)
+    action()
+    began = time.perf_counter()
+    action()
+    once = time.perf_counter() - began
+    return int(min(max(settings.target_seconds / max(once, 1e-6), 2), 1000))
+
+
+def simulation(settings: Settings) -> Iterator[Measurement]:
+    """Agent-steps a second: physics, all lidars, and a copy of the state for the caller."""
+    for case in _cases(settings):
+        loop = Loop(case, settings)
+        seconds = timed({"drive": loop.drive}, settings.repeats)["drive"]
+        amount = case.worlds * case.robots * loop.steps
+        yield _measured("agent steps", case, settings, rates(amount, seconds))
+    yield from _growth(settings)
+
+
+def _cases(settings: Settings) -> list[Case]:
+    """Vary one thing at a time; the number of agents stays the same where robots are varied."""
+    usual = settings.pick(Case(worlds=4, rooms=2), Case(), Case(worlds=4096))
+    sizes = settings.pick((), (1, 64, 8192), (1, 16, 64, 256, 1024, 16384))
+    teams = settings.pick((4,), (4, 8, 32), (4, 8, 32))
+    segments = settings.pick((20,), (20, 400, 2000), (20, 40, 200, 400, 1000, 2000))
+    return [
+        usual,
+        *(replace(usual, worlds=worlds) for worlds in sizes),
+        *(replace(usual, robots=n, worlds=max(usual.worlds * 2 // n, 1)) for n in teams),
+        replace(usual, beams=1080),
+        *(replace(usual, segments=count) for count in segments),
+    ]
+
+
+def _growth(settings: Settings) -> Iterator[Measurement]:
+    usual = settings.pick(Case(worlds=2, rooms=1), Case(), Case(worlds=4096))
+    loops = {str(n): Loop(replace(usual, segments=n), settings) for n in (FEW, MANY)}
+    taken = timed({name: loop.drive for name, loop in loops.items()}, settings.repeats)
+    each = {name: [s / loops[name].steps for s in seconds] for name, seconds in taken.items()}
+    case = replace(usual, segments=MANY)
+    values = ratios(each[str(MANY)], each[str(FEW)])
+    yield replace(
+        _measured("time of a step, ratio", case, settings, values, unit="x"),
+        parameters={**_parameters(case, settings), "against_segments": FEW},
+    )
+
+
+def scans(settings: Settings) -> Iterator[Measurement]:
+    """Scans a second alone: the lidars of robots that stand still, copied for the caller."""
+    usual = settings.pick(Case(worlds=4, rooms=2), Case(), Case(worlds=4096))
+    others = settings.pick((), (80, 400, 2000), (20, 80, 200, 400, 1000, 2000))
+    cases = [usual, replace(usual, beams=1080), *(replace(usual, segments=count) for count in others)]
+    for case in cases:
+        loop = Loop(case, settings)
+        seconds = timed({"look": loop.look}, settings.repeats)["look"]
+        yield _measured("scans", case, settings, rates(case.worlds * case.robots * loop.steps, seconds))
+
+
+def sapien(settings: Settings) -> Iterator[Measurement]:
+    """SAPIEN's steps and rays a second, and how many times faster the batch lidar is.
+
+    Raises:
+        SkippedError: if SAPIEN cannot run here.
+    """
+    case = replace(Case(), worlds=settings.pick(4, 1024, 4096), rooms=settings.pick(1, 32, 32))
+    robots = robots_of(settings, case.robots, case.beams)
+    try:
+        simulator = make_simulator("sapien", robots)
+    except SimulatorError as error:
+        raise SkippedError(str(error)) from error
+    from hpp_framework.sim.sapien import SapienSimulator
+
+    assert isinstance(simulator, SapienSimulator)
+    rng = numpy_rng(settings.seed, "bench", "rooms")
+    room = furnished(rng, BOXES)
+    command = torch.tensor([[[0.5, 0.3]] * case.robots])
+    with simulator:
+        simulator.reset([room], starts([room], robots, 1, rng))
+        steps = _enough(simulator.state, settings)
+
+        def drive() -> None:
+            for _ in range(steps):
+                simulator.step(command)
+
+        def look() -> None:
+            for _ in range(steps):
+                simulator.state()
+
+        loop = Loop(case, settings)
+        seconds = timed({"drive": drive, "look": look, "batch": loop.look}, settings.repeats)
+    one = {"robots": case.robots, "beams": case.beams, "boxes": BOXES, "cores": 1}
+    rays = rates(case.robots * case.beams * steps, seconds["look"])
+    batch = rates(case.worlds * case.robots * case.beams * loop.steps, seconds["batch"])
+    yield Measurement(name="SAPIEN steps", parameters=one, unit="1/s", values=rates(steps, seconds["drive"]))
+    yield Measurement(name="SAPIEN rays", parameters=one, unit="1/s", values=rays)
+    yield _measured("batch rays", case, settings, batch)
+    yield _measured("batch rays : SAPIEN rays", case, settings, ratios(batch, rays), unit="x")
+
+
+def _parameters(case: Case, settings: Settings) -> dict[str, str | int | float]:
+    return {**asdict(case), "device": settings.device}
+
+
+def _measured(
+    name: str, case: Case, settings: Settings, values: tuple[float, ...], unit: str = "1/s"
+) -> Measurement:
+    return Measurement(name=name, parameters=_parameters(case, settings), unit=unit, values=values)
