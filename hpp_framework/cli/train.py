@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from hpp_framework.cli.options import check_folder
 from hpp_framework.errors import ConfigError
+
+if TYPE_CHECKING:
+    from hpp_framework.predictor import PredictorTraining
+    from hpp_framework.workers import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,40 +55,67 @@ class TrainSkill:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainPredictor:
-    """Train one motion model: how robot --agent predicts robot --subject (itself, if equal)."""
+    """Train all motion models of a collected team, side by side; an interrupted training resumes.
+
+    Every robot has a model of itself and one of every other robot; --agent and --subject choose among them.
+    """
 
     name: Annotated[str, tyro.conf.Positional] = "delta-pose-lidar"
     """Registered predictor."""
     data: Path = Path("data/fetch,freight")
     """Folder written by 'hpp collect'."""
-    agent: int = 0
-    """Place of the predicting robot in the collected team, from 0."""
-    subject: int = 0
-    """Place of the predicted robot."""
+    agent: int | None = None
+    """Train only the models of this robot: its place in the collected team, from 0."""
+    subject: int | None = None
+    """Train only the models that predict this robot."""
     steps: int = 50_000
     """Gradient steps."""
     batch: int = 500
     """Samples a gradient step."""
     seed: int = 0
-    """Seed of network and batches."""
-    threads: int = 2
-    """Torch threads."""
+    """Seed of networks and batches."""
+    workers: int | None = None
+    """Models trained side by side, one thread each (default: as many as there are cores)."""
     out: Path = Path("runs/predictors")
     """Folder to write to."""
 
     def run(self) -> None:
-        """Train."""
+        """Train, with a progress bar a model."""
+        from rich.progress import Progress
+
+        from hpp_framework.prediction.dataset import collected_team
+        from hpp_framework.prediction.library import model_pairs
         from hpp_framework.predictor import PredictorTraining
         from hpp_framework.registry import hub
+        from hpp_framework.workers import available_cores, run_tasks
 
         hub().predictor_trainers.entry(self.name)
-        _check_positive(steps=self.steps, batch=self.batch, threads=self.threads)
+        workers = available_cores() if self.workers is None else self.workers
+        _check_positive(steps=self.steps, batch=self.batch, workers=workers)
+        pairs = model_pairs(collected_team(self.data), self.agent, self.subject)
         check_folder(self.out)
-        config = PredictorTraining(
-            data=self.data, out=self.out, agent=self.agent, subject=self.subject, seed=self.seed,
-            steps=self.steps, batch=self.batch, threads=self.threads,
-        )  # fmt: skip
-        print(f"weights: {hub().predictor_trainers.create(self.name, config)}")
+        trainings = [
+            PredictorTraining(
+                data=self.data, out=self.out, agent=agent, subject=subject, seed=self.seed,
+                steps=self.steps, batch=self.batch,
+            )
+            for agent, subject in pairs.values()
+        ]  # fmt: skip
+        with Progress() as bars:
+            rows = {model: bars.add_task(model, total=self.steps) for model in pairs}
+            for progress in run_tasks(_train, [(self.name, t) for t in trainings], workers=workers):
+                if progress.message:
+                    bars.console.print(progress.message, soft_wrap=True, highlight=False)
+                description = f"{progress.model} {progress.status}"
+                bars.update(rows[progress.model], completed=progress.step, description=description)
+        print(f"weights: {self.out / self.name}")
+
+
+def _train(task: tuple[str, PredictorTraining], report: Report) -> None:
+    from hpp_framework.registry import hub
+
+    name, training = task
+    hub().predictor_trainers.create(name, replace(training, report=report))
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.files import read_json
 from hpp_framework.prediction.collect import FORMAT, SCAN_UNIT
+from hpp_framework.registry import hub
 from hpp_framework.sensing import HISTORY
+from hpp_framework.team import Member, Team
 
 VALIDATION_SHARE = 0.1
 CHUNKS_PER_BATCH = 4
@@ -31,7 +33,7 @@ class Batch:
         scans: of the predicting robot, metres, the newest ``s``.
         goals: common goal, world coordinates.
         future: of the subject, at the offsets asked for.
-        future_scans: of the agent at the first offset.
+        future_scans: of the agent at the first ``f`` offsets.
         valid: whether the offset lies within the trajectory and the goal is still the same.
     """
 
@@ -40,12 +42,14 @@ class Batch:
     scans: Float[Tensor, "b s k"]
     goals: Float[Tensor, "b 2"]
     future: Float[Tensor, "b t 3"]
-    future_scans: Float[Tensor, "b k"]
+    future_scans: Float[Tensor, "b f k"]
     valid: Bool[Tensor, "b t"]
 
 
 class TrajectoryData:
-    """A data set in memory, split by world: whole chunks, whose worlds occur nowhere else, are held out.
+    """A data set on disk, split by world: whole chunks, whose worlds occur nowhere else, are held out.
+
+    Nothing is kept in memory but what the operating system caches of the files.
 
     Args:
         folder: written by ``hpp collect``.
@@ -55,36 +59,29 @@ class TrajectoryData:
     """
 
     def __init__(self, folder: Path) -> None:
-        if not (folder / "meta.json").is_file():
+        self.meta = _read_meta(folder)
+        self.team = _team(self.meta)
+        folders = sorted(folder.glob("chunk-?????"))
+        if len(folders) < 2:
             raise ConfigError(
-                f"'{folder}' is not a data set. Make one: hpp collect --team fetch,freight --out {folder}"
-            )
-        self.meta: dict[str, Any] = read_json(folder / "meta.json")
-        if self.meta.get("format") != FORMAT or not isinstance(self.meta.get("team"), list):
-            raise ConfigError(
-                f"'{folder / 'meta.json'}' does not describe a data set of format {FORMAT}. Collect "
-                "again into another folder: hpp collect --out FOLDER"
-            )
-        chunks = sorted(folder.glob("chunk-?????"))
-        if len(chunks) < 2:
-            raise ConfigError(
-                f"'{folder}' holds {len(chunks)} chunks; at least 2 are needed to hold out worlds."
+                f"'{folder}' holds {len(folders)} chunks; at least 2 are needed to hold out worlds."
             )
         # memory-mapped: what does not fit in memory is read as it is used
-        self._chunks = [{n: _load(c / f"{n}.npy") for n in ("poses", "scans", "goals")} for c in chunks]
+        chunks = [{n: _load(f / f"{n}.npy") for n in ("poses", "scans", "goals")} for f in folders]
         held_out = max(1, round(VALIDATION_SHARE * len(chunks)))
         self.parts = {
             "train": range(len(chunks) - held_out),
             "validation": range(len(chunks) - held_out, len(chunks)),
         }
-        self.steps = self._chunks[0]["poses"].shape[1]
-        self._poses = [torch.from_numpy(np.array(c["poses"])) for c in self._chunks]
-        self._goals = [torch.from_numpy(np.array(c["goals"])) for c in self._chunks]
+        self._rows, self.steps, self._robots, _ = chunks[0]["poses"].shape
+        # one row a measurement, so that gathering copies whole rows
+        row = {"poses": 3 * self._robots, "scans": chunks[0]["scans"].shape[-1], "goals": 2}
+        self._chunks = [{name: array.reshape(-1, row[name]) for name, array in c.items()} for c in chunks]
 
     @property
     def trajectories(self) -> int:
         """Number of trajectories."""
-        return sum(len(poses) for poses in self._poses)
+        return self._rows * len(self._chunks)
 
     def sample(
         self,
@@ -96,6 +93,7 @@ class TrajectoryData:
         subject: int,
         offsets: tuple[int, ...],
         scan_history: int = HISTORY,
+        scan_future: int = 1,
     ) -> Batch:
         """Draw a batch; a batch comes from a few chunks so that reading stays sequential.
 
@@ -107,48 +105,73 @@ class TrajectoryData:
             subject: index of the predicted robot.
             offsets: control steps ahead to predict.
             scan_history: newest scans to include.
+            scan_future: scans to include at the first offsets.
         """
         chunks = rng.choice(np.array(self.parts[part]), size=CHUNKS_PER_BATCH)
-        least, left_over = divmod(size, CHUNKS_PER_BATCH)
-        draws = [
-            self._draw(int(chunk), least + (place < left_over), rng, agent, subject, offsets, scan_history)
-            for place, chunk in enumerate(chunks)
-        ]
-        return Batch(*(torch.cat(parts) for parts in zip(*draws, strict=True)))
-
-    def _draw(
-        self,
-        chunk: int,
-        size: int,
-        rng: np.random.Generator,
-        agent: int,
-        subject: int,
-        offsets: tuple[int, ...],
-        scan_history: int,
-    ) -> tuple[Tensor, ...]:
-        poses, goals = self._poses[chunk], self._goals[chunk]
-        row = rng.integers(len(poses), size=size)
-        last = self.steps - 1 - offsets[0]
-        time = rng.integers(0, last + 1, size=size)
+        start = rng.integers(self._rows, size=(size, 1)) * self.steps
+        time = rng.integers(0, self.steps - offsets[0], size=(size, 1))
         # the first entries of a history repeat the first measurement, as at run time
-        past = np.maximum(time[:, None] + np.arange(-HISTORY + 1, 1), 0)
-        ahead = time[:, None] + np.array(offsets)
-        inside = torch.from_numpy(ahead < self.steps)
-        ahead = np.minimum(ahead, self.steps - 1)
-        now = goals[row, time]
-        same = (goals[row[:, None], ahead - 1] == now[:, None]).all(-1)
-        scans = self._chunks[chunk]["scans"]
-        seen = scans[row[:, None], past[:, -scan_history:], agent]
-        next_scan = scans[row, ahead[:, 0], agent]
-        return (
-            poses[row[:, None], past, agent],
-            poses[row[:, None], past, subject],
-            torch.from_numpy(seen.astype(np.float32)) * SCAN_UNIT,
-            now,
-            poses[row[:, None], ahead, subject],
-            torch.from_numpy(next_scan.astype(np.float32)) * SCAN_UNIT,
-            inside & same,
+        past = start + np.maximum(time + np.arange(-HISTORY + 1, 1), 0)
+        ahead = time + np.array(offsets)
+        inside = ahead < self.steps
+        ahead = start + np.minimum(ahead, self.steps - 1)
+        poses = self._gather("poses", chunks, np.concatenate([past, ahead], 1))
+        poses = poses.unflatten(-1, (self._robots, 3))
+        seen = np.concatenate([past[:, HISTORY - scan_history :], ahead[:, :scan_future]], 1)
+        scans = self._gather("scans", chunks, seen * self._robots + agent)
+        scans = scans.to(torch.float32).mul_(SCAN_UNIT)
+        goals = self._gather("goals", chunks, np.concatenate([start + time, ahead - 1], 1))
+        same = (goals[:, 1:] == goals[:, :1]).all(-1)
+        return Batch(
+            agent_poses=poses[:, :HISTORY, agent],
+            subject_poses=poses[:, :HISTORY, subject],
+            scans=scans[:, :scan_history],
+            goals=goals[:, 0],
+            future=poses[:, HISTORY:, subject],
+            future_scans=scans[:, scan_history:],
+            valid=torch.from_numpy(inside) & same,
         )
+
+    def _gather(
+        self, name: str, chunks: npt.NDArray[np.int64], rows: npt.NDArray[np.int64]
+    ) -> Shaped[Tensor, "b r w"]:
+        """Return rows (b, r) of an array; each chunk gives an equal share of the batch."""
+        out = np.empty((*rows.shape, self._chunks[0][name].shape[1]), self._chunks[0][name].dtype)
+        ends = np.linspace(0, len(rows), len(chunks) + 1).round().astype(int)
+        for chunk, first, last in zip(chunks, ends[:-1], ends[1:], strict=True):
+            # all rows exist: "clip" only spares numpy a buffer
+            np.take(self._chunks[chunk][name], rows[first:last], axis=0, out=out[first:last], mode="clip")
+        return torch.from_numpy(out)
+
+
+def collected_team(folder: Path) -> Team:
+    """Return the team that a data set was collected with.
+
+    Raises:
+        ConfigError: if the folder is not a data set.
+    """
+    return _team(_read_meta(folder))
+
+
+def _team(meta: dict[str, Any]) -> Team:
+    robots = hub().robots
+    return Team(
+        tuple(Member(id=m["id"], robot=robots.create(m["robot"]), skill=m["skill"]) for m in meta["team"])
+    )
+
+
+def _read_meta(folder: Path) -> dict[str, Any]:
+    if not (folder / "meta.json").is_file():
+        raise ConfigError(
+            f"'{folder}' is not a data set. Make one: hpp collect --team fetch,freight --out {folder}"
+        )
+    meta = read_json(folder / "meta.json")
+    if meta.get("format") != FORMAT or not isinstance(meta.get("team"), list):
+        raise ConfigError(
+            f"'{folder / 'meta.json'}' does not describe a data set of format {FORMAT}. Collect "
+            "again into another folder: hpp collect --out FOLDER"
+        )
+    return meta
 
 
 def _load(file: Path) -> npt.NDArray[Any]:

@@ -185,8 +185,8 @@ def train(config: PredictorTraining) -> Path:
     return train_model(
         config,
         Recipe(
-            kind=KIND, build=_build, offsets=OFFSETS, scan_history=1, loss=_loss, errors=_errors,
-            headline=("error_5s_m", "constant_velocity_5s_m"),
+            kind=KIND, build=_build, offsets=OFFSETS, scan_history=1, scan_future=0, loss=_loss,
+            errors=_errors, headline=("error_5s_m", "constant_velocity_5s_m"),
         ),
     )  # fmt: skip
 

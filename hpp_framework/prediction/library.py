@@ -14,12 +14,45 @@ from hpp_framework.predictor import PredictorRequest
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sensing import HISTORY
-from hpp_framework.team import Member
+from hpp_framework.team import Member, Team
 
 
 def file_name(agent: Member, subject: Member, *, own: bool) -> str:
     """Return the file name of the model by which ``agent`` predicts ``subject`` (or itself)."""
     return f"self-{agent.robot.name}" if own else f"other-{agent.robot.name}-{subject.robot.name}"
+
+
+def find_members(team: Team, agent: int, subject: int) -> tuple[Member, Member]:
+    """Return the predicting and the predicted robot.
+
+    Raises:
+        ConfigError: if the team has no such robots.
+    """
+    for name, place in (("agent", agent), ("subject", subject)):
+        if not 0 <= place < len(team):
+            raise ConfigError(f"--{name} {place}: the team has robots 0 to {len(team) - 1}.")
+    return team.members[agent], team.members[subject]
+
+
+def model_pairs(
+    team: Team, agent: int | None = None, subject: int | None = None
+) -> dict[str, tuple[int, int]]:
+    """Return the models of a team: file name to (agent, subject); robots that are alike share theirs.
+
+    Args:
+        team: everybody.
+        agent: only models of this robot.
+        subject: only models that predict this robot.
+
+    Raises:
+        ConfigError: if the team has no such robots.
+    """
+    pairs: dict[str, tuple[int, int]] = {}
+    for one in range(len(team)) if agent is None else [agent]:
+        for other in range(len(team)) if subject is None else [subject]:
+            name = file_name(*find_members(team, one, other), own=one == other)
+            pairs.setdefault(name, (one, other))
+    return pairs
 
 
 def expected_metadata(kind: str, agent: Member, subject: Member, *, own: bool) -> dict[str, Any]:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from rich.progress import Progress
 from torch import Tensor, nn
 
 from hpp_framework.checkpoints import (
@@ -22,14 +21,12 @@ from hpp_framework.checkpoints import (
     require_same_run,
     save_checkpoint,
 )
-from hpp_framework.errors import CheckpointError, ConfigError
+from hpp_framework.errors import CheckpointError
 from hpp_framework.prediction.dataset import Batch, TrajectoryData
-from hpp_framework.prediction.library import expected_metadata, file_name
-from hpp_framework.predictor import PredictorTraining
-from hpp_framework.registry import hub
+from hpp_framework.prediction.library import expected_metadata, file_name, find_members
+from hpp_framework.predictor import PredictorTraining, TrainingProgress
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import child_seed, numpy_rng
-from hpp_framework.team import Member
 
 REPORT_EVERY = 500
 SNAPSHOT_EVERY = 10 * REPORT_EVERY
@@ -45,6 +42,7 @@ class Recipe:
         build: makes the network for the predicting agent's robot.
         offsets: control steps ahead of the targets.
         scan_history: newest scans a sample needs.
+        scan_future: scans that a sample needs at the first offsets.
         loss: of a network on a batch.
         errors: named validation errors of a network on a batch, in metres or as named.
         headline: which of these errors is reported while training, and that of constant velocity, in metres.
@@ -54,6 +52,7 @@ class Recipe:
     build: Callable[[RobotSpec], nn.Module]
     offsets: tuple[int, ...]
     scan_history: int
+    scan_future: int
     loss: Callable[[nn.Module, Batch], Tensor]
     errors: Callable[[nn.Module, Batch], dict[str, float]]
     headline: tuple[str, str]
@@ -63,36 +62,33 @@ def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
     """Train one model and write weights and card; returns the weights file.
 
     A cosine schedule lowers Adam's learning rate; state is saved every few thousand steps and training
-    resumes from it with the same batches to come. Errors on held-out worlds are printed early and at every
-    snapshot, so that a hopeless training can be stopped.
+    resumes from it with the same batches to come; a model that is finished already is left as it is. Errors
+    on held-out worlds are reported early and at every snapshot, so that a hopeless training can be stopped.
 
     Raises:
-        ConfigError: if ``agent`` or ``subject`` is not in the collected team, or ``out`` holds a snapshot of
-            another training.
+        ConfigError: if ``data`` is no data set, ``agent`` or ``subject`` is not in the collected team, or
+            ``out`` holds a snapshot of another training.
         CheckpointError: if the snapshot is damaged, or weights cannot be written.
     """
-    torch.set_num_threads(config.threads)
     data = TrajectoryData(config.data)
-    agent, subject = _members(data, config)
+    agent, subject = find_members(data.team, config.agent, config.subject)
     own = config.agent == config.subject
+    file = config.out / recipe.kind / f"{file_name(agent, subject, own=own)}.safetensors"
+    run = _run(config, data)
+    if _is_finished(file, run):
+        _report(config, file, config.steps, "finished", "is there already; delete it to train it again")
+        return file
     torch.manual_seed(
         child_seed(config.seed, "network")
     )  # torch's layers initialise from the global generator only
     model = recipe.build(agent.robot)
-    file = config.out / recipe.kind / f"{file_name(agent, subject, own=own)}.safetensors"
-    with Progress() as progress:
-        curve = _fit(model, data, config, recipe, file, progress)
-        validation = _validate(model, data, config, recipe)
-        _report(progress, file, config.steps, validation, recipe)
+    curve = _fit(model, data, config, recipe, file)
+    validation = _validate(model, data, config, recipe)
+    _report(config, file, config.steps, "finished", _held_out(validation, recipe))
     metadata = {
         **expected_metadata(recipe.kind, agent, subject, own=own),
         "command": _command(config, recipe),
-        "seed": config.seed,
-        "steps": config.steps,
-        "batch": config.batch,
-        "learning_rate": config.learning_rate,
-        "data": data.meta,
-        "trajectories": data.trajectories,
+        **run,
         "validation": validation,
         "curve": curve,
     }
@@ -106,17 +102,14 @@ def _command(config: PredictorTraining, recipe: Recipe) -> str:
     """Return the command line that repeats a training."""
     return (
         f"hpp train predictor {recipe.kind} --data {portable(config.data)} --agent {config.agent} "
-        f"--subject {config.subject} --steps {config.steps} --batch {config.batch} --seed {config.seed} "
-        f"--threads {config.threads}"
+        f"--subject {config.subject} --steps {config.steps} --batch {config.batch} --seed {config.seed}"
     )
 
 
-def _run(config: PredictorTraining, recipe: Recipe, data: TrajectoryData) -> dict[str, Any]:
-    """Return what a snapshot must share with a training that resumes from it."""
+def _run(config: PredictorTraining, data: TrajectoryData) -> dict[str, Any]:
+    """Return what weights and snapshots have in common with the training that makes or resumes them."""
     return {
-        "predictor": recipe.kind,
-        "agent": config.agent,
-        "subject": config.subject,
+        "places": [config.agent, config.subject],
         "seed": config.seed,
         "steps": config.steps,
         "batch": config.batch,
@@ -126,44 +119,30 @@ def _run(config: PredictorTraining, recipe: Recipe, data: TrajectoryData) -> dic
     }
 
 
-def _members(data: TrajectoryData, config: PredictorTraining) -> tuple[Member, Member]:
-    team = [
-        Member(id=m["id"], robot=hub().robots.create(m["robot"]), skill=m["skill"]) for m in data.meta["team"]
-    ]
-    for name in ("agent", "subject"):
-        if not 0 <= getattr(config, name) < len(team):
-            raise ConfigError(
-                f"--{name} {getattr(config, name)}: '{config.data}' has robots 0 to {len(team) - 1}."
-            )
-    return team[config.agent], team[config.subject]
-
-
 def _fit(
-    model: nn.Module,
-    data: TrajectoryData,
-    config: PredictorTraining,
-    recipe: Recipe,
-    file: Path,
-    progress: Progress,
+    model: nn.Module, data: TrajectoryData, config: PredictorTraining, recipe: Recipe, file: Path
 ) -> list[list[float]]:
-    optimiser = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
-    run = _run(config, recipe, data)
+    """Take all gradient steps that are left; returns the curve of (step, mean loss)."""
+    optimiser = torch.optim.Adam(model.parameters(), lr=config.learning_rate, fused=True)
+    run = _run(config, data)
     start, curve = _resume(model, optimiser, file, run)
-    running: list[float] = []
+    total = torch.zeros(())
+    counted = 0
     began = time()
-    bar = progress.add_task(file.stem, total=config.steps, completed=start)
     for step in range(start, config.steps):
-        running.append(_learn(model, optimiser, data, config, recipe, step))
+        total += _learn(model, optimiser, data, config, recipe, step)
+        counted += 1
         done = step + 1
-        if done % REPORT_EVERY == 0 or done == config.steps:
-            curve.append([done, round(float(np.mean(running)), 6)])
-            running.clear()
-            rate = (done - start) / (time() - began)
-            text = f"{file.stem} loss {curve[-1][1]:.4f} {rate:.0f}/s"
-            progress.update(bar, completed=done, description=text)
-        if (done == REPORT_EVERY or done % SNAPSHOT_EVERY == 0) and done < config.steps:
-            _report(progress, file, done, _validate(model, data, config, recipe), recipe)
-        if done % SNAPSHOT_EVERY == 0 and done < config.steps:
+        last = done == config.steps
+        if done % REPORT_EVERY == 0 or last:
+            curve.append([done, round(float(total) / counted, 6)])
+            total.zero_()
+            counted = 0
+            _report(config, file, done, f"loss {curve[-1][1]:.4f}, {(done - start) / (time() - began):.0f}/s")
+        if (done == REPORT_EVERY or done % SNAPSHOT_EVERY == 0) and not last:
+            errors = _validate(model, data, config, recipe)
+            _report(config, file, done, "", _held_out(errors, recipe))
+        if done % SNAPSHOT_EVERY == 0 and not last:
             _save_resume(model, optimiser, file, {"step": done, "curve": curve, "run": run})
     return curve
 
@@ -175,7 +154,7 @@ def _learn(
     config: PredictorTraining,
     recipe: Recipe,
     step: int,
-) -> float:
+) -> Tensor:
     """Take one gradient step; returns its loss."""
     for group in optimiser.param_groups:
         group["lr"] = config.learning_rate * (
@@ -185,18 +164,18 @@ def _learn(
     optimiser.zero_grad(set_to_none=True)
     loss.backward()
     optimiser.step()
-    return float(loss.detach())
+    return loss.detach()
 
 
-def _report(progress: Progress, file: Path, step: int, errors: dict[str, float], recipe: Recipe) -> None:
-    """Print the error on held-out worlds beside that of constant velocity, above the progress bar."""
+def _report(config: PredictorTraining, file: Path, step: int, status: str, message: str = "") -> None:
+    line = f"{file.stem}, step {step}, {message}" if message else ""
+    config.report(TrainingProgress(file.stem, step, status, line))
+
+
+def _held_out(errors: dict[str, float], recipe: Recipe) -> str:
+    """Return the error on held-out worlds beside that of constant velocity."""
     ours, theirs = recipe.headline
-    progress.console.print(
-        f"{file.stem}, step {step}, held-out worlds: {ours} {errors[ours]:.4f}, "
-        f"{theirs} {errors[theirs]:.4f}",
-        soft_wrap=True,
-        highlight=False,
-    )
+    return f"held-out worlds: {ours} {errors[ours]:.4f}, {theirs} {errors[theirs]:.4f}"
 
 
 def _sample(
@@ -204,7 +183,7 @@ def _sample(
 ) -> Batch:
     return data.sample(
         part, config.batch, rng, agent=config.agent, subject=config.subject, offsets=recipe.offsets,
-        scan_history=recipe.scan_history,
+        scan_history=recipe.scan_history, scan_future=recipe.scan_future,
     )  # fmt: skip
 
 
@@ -222,6 +201,15 @@ def _validate(
         # a horizon that no sample of tiny batches reaches is NaN
         warnings.filterwarnings("ignore", "Mean of empty slice", RuntimeWarning)
         return {key: round(float(np.nanmean([row[key] for row in rows])), 4) for key in rows[0]}
+
+
+def _is_finished(file: Path, run: dict[str, Any]) -> bool:
+    """Return whether these weights are the result of this training."""
+    try:
+        _, card = load_checkpoint(file, {})
+    except CheckpointError:
+        return False  # there are none, or they are damaged
+    return all(card.get(key) == value for key, value in run.items())
 
 
 def _resume_file(file: Path) -> Path:
