@@ -15,6 +15,7 @@ UNCHECKED = {
     # Warp compiles the source of its kernels; wrapping them breaks that
     "hpp_framework.sim.batch_kernels",
     "hpp_framework.prediction.delta_kernels",
+    "hpp_framework.prediction.depth_kernels",
 }
 
 

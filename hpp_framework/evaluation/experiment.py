@@ -32,7 +32,7 @@ from hpp_framework.worlds.world import World
 
 Progress = Callable[[str, int, int], None]
 
-CHUNK = {"batch": 50, "sapien": 5}
+CHUNK = {"batch": 100, "sapien": 5}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,8 @@ from torch import Tensor, nn
 
 from hpp_framework import geometry
 from hpp_framework.errors import ConfigError
+from hpp_framework.kernels import wp
+from hpp_framework.prediction import depth_kernels
 from hpp_framework.prediction.dataset import Batch
 from hpp_framework.prediction.library import load_models
 from hpp_framework.prediction.training import Recipe, constant_velocity_error, train_model
@@ -109,13 +111,18 @@ class FarSightedNetwork(nn.Module):
         Points outside the field of view count as far behind: nothing is known of them.
         """
         eye = geometry.compose(agent, self.mount.expand_as(agent))
-        points = geometry.to_world(frame[:, :, None], self.grid)
-        seen = geometry.polar(eye[:, None, None], points)
-        beam = ((seen[..., 1] - self.first_angle) / self.angle_step).round().long()
-        visible = (beam >= 0) & (beam < self.beams)
-        flat = beam.clamp(0, self.beams - 1).flatten(1)
-        depth = scan.gather(1, flat).view_as(beam) - seen[..., 0]
-        return torch.where(visible, (depth / _DEPTH).clamp(-1, 1), -1.0)
+        out = frame.new_empty(*frame.shape[:2], len(self.grid))
+        wp.launch(
+            depth_kernels.read_depths,
+            dim=frame.shape[:2],
+            inputs=[
+                wp.from_torch(eye, dtype=wp.vec3), wp.from_torch(scan.contiguous()),
+                self.first_angle, self.angle_step, wp.from_torch(frame.contiguous(), dtype=wp.vec3),
+                wp.from_torch(self.grid, dtype=wp.vec2), _DEPTH, wp.from_torch(out),
+            ],
+            device=wp.device_from_torch(out.device),
+        )  # fmt: skip
+        return out
 
     @staticmethod
     def _motion(

@@ -1,0 +1,23 @@
+"""Without a GPU: the CUDA source of all kernels compiles (Ampere and newer)."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+import warp as wp
+
+MODULES = (
+    "hpp_framework.sim.batch_kernels",
+    "hpp_framework.prediction.delta_kernels",
+    "hpp_framework.prediction.depth_kernels",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODULES)
+def test_kernels_compile_for_cuda(name, tmp_path):
+    module = importlib.import_module(name)
+    wp.compile_aot_module(module, arch=[80], module_dir=str(tmp_path))
+    # a binary for that card
+    assert len(list(tmp_path.glob("*.cubin"))) + len(list(tmp_path.glob("*.ptx"))) == 1
