@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
 from hpp_framework.errors import HppError
+from hpp_framework.memory import keep_freed_memory
 
 Task = TypeVar("Task")
 Report = Callable[[Any], None]
@@ -24,7 +25,7 @@ def available_cores() -> int:
 
 def run_tasks(
     function: Callable[[Task, Report], None], tasks: Iterable[Task], *, workers: int
-) -> Iterator[Any]:
+) -> Generator[Any, None, None]:
     """Call ``function(task, report)`` for every task, and yield whatever it reports, as it does.
 
     Workers end at once when the iteration is left, also by an interruption or an error: what a function
@@ -44,7 +45,7 @@ def run_tasks(
     busy: dict[Any, Any] = {}
     context = get_context("spawn")
     try:
-        for task, _ in zip(waiting, range(workers), strict=False):
+        for _, task in zip(range(workers), waiting, strict=False):
             here, there = context.Pipe()
             process = context.Process(target=_work, args=(function, there), daemon=True)
             process.start()
@@ -86,6 +87,7 @@ def _receive(here: Any, busy: dict[Any, Any], waiting: Iterator[Any]) -> Iterato
 def _work(function: Callable[[Any, Report], None], there: Any) -> None:
     # the starting process hears of an interruption too, and ends the workers
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
     import torch
 
     torch.set_num_threads(1)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.progress import Progress
 
-from hpp_framework.cli.options import check_folder
+from hpp_framework.cli.options import check_folder, check_positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,8 @@ class Collect:
     """Registered skill of every robot."""
     seed: int = 0
     """Seed of rooms, starts and goals."""
+    workers: int | None = None
+    """Processes, one thread each (default: as many as there are cores); the data do not depend on it."""
     out: Path = Path("data/fetch,freight")
     """Folder to write to."""
 
@@ -36,7 +38,11 @@ class Collect:
 
         from hpp_framework.prediction.collect import Collection, collect
         from hpp_framework.team import parse_team
+        from hpp_framework.workers import available_cores
         from hpp_framework.worlds.loader import resolve_world
+
+        workers = available_cores() if self.workers is None else self.workers
+        check_positive(workers=workers)
 
         resolve_world(self.world)
         team = parse_team(self.team, skill=self.skill)
@@ -45,6 +51,6 @@ class Collect:
         torch.set_num_threads(1)
         with Progress() as progress:
             bar = progress.add_task("trajectories", total=config.chunks * config.chunk)
-            for done in collect(team, config, self.out):
+            for done in collect(team, config, self.out, workers=workers):
                 progress.update(bar, completed=done)
         print(f"data: {self.out}")

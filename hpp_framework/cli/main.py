@@ -17,6 +17,7 @@ from hpp_framework.cli.list import List
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.train import Train
 from hpp_framework.errors import HppError
+from hpp_framework.memory import keep_freed_memory
 
 Command = (
     Annotated[Run, tyro.conf.subcommand("run")]
@@ -41,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         args=arguments,
         config=(tyro.conf.FlagConversionOff,),
     )
+    keep_freed_memory()
     try:
         command.run()
     except HppError as error:

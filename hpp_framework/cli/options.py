@@ -115,3 +115,10 @@ def check_folder(out: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error
+
+
+def check_positive(**values: int) -> None:
+    """Raise :class:`ConfigError` if an option of this name is less than 1."""
+    for name, value in values.items():
+        if value < 1:
+            raise ConfigError(f"--{name} must be at least 1, got {value}.")

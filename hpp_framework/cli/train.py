@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from hpp_framework.cli.options import check_folder
+from hpp_framework.cli.options import check_folder, check_positive
 from hpp_framework.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class TrainSkill:
 
         hub().robots.entry(self.robot)
         hub().skill_trainers.entry(self.name)
-        _check_positive(steps=self.steps, threads=self.threads)
+        check_positive(steps=self.steps, threads=self.threads)
         if not 0 <= self.seed < 2**32:
             raise ConfigError(f"--seed must lie between 0 and 4294967295 (2**32 - 1), got {self.seed}.")
         out = self.out or Path("runs") / f"{self.name}-{self.robot}"
@@ -91,7 +91,7 @@ class TrainPredictor:
 
         hub().predictor_trainers.entry(self.name)
         workers = available_cores() if self.workers is None else self.workers
-        _check_positive(steps=self.steps, batch=self.batch, workers=workers)
+        check_positive(steps=self.steps, batch=self.batch, workers=workers)
         pairs = model_pairs(collected_team(self.data), self.agent, self.subject)
         check_folder(self.out)
         trainings = [
@@ -131,9 +131,3 @@ class Train:
     def run(self) -> None:
         """Train what was named."""
         self.what.run()
-
-
-def _check_positive(**values: int) -> None:
-    for name, value in values.items():
-        if value < 1:
-            raise ConfigError(f"--{name} must be at least 1, got {value}.")

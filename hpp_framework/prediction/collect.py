@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.skill import Skill
 from hpp_framework.team import Team
+from hpp_framework.workers import Report, run_tasks
 from hpp_framework.worlds.pool import WorldPool, build_pool
 
 FORMAT = 1
@@ -73,13 +74,16 @@ class Collection:
         return -(-self.trajectories // self.chunk)
 
 
-def collect(team: Team, config: Collection, out: Path) -> Iterator[int]:
+def collect(team: Team, config: Collection, out: Path, *, workers: int = 1) -> Iterator[int]:
     """Write a data set chunk by chunk; chunks that are there already are kept.
+
+    The data are the same for any number of workers.
 
     Args:
         team: who drives.
         config: how.
         out: folder; created, or resumed if it holds the same collection.
+        workers: processes (see :func:`hpp_framework.workers.run_tasks`), or 1 for none but this one.
 
     Yields:
         Trajectories on disk so far.
@@ -87,14 +91,54 @@ def collect(team: Team, config: Collection, out: Path) -> Iterator[int]:
     Raises:
         ConfigError: if ``out`` holds another collection or cannot be written to.
     """
-    meta = describe(team, config)
-    _open_folder(out, meta)
-    skills = team.skills()
-    for index in range(config.chunks):
-        target = out / f"chunk-{index:05d}"
-        if not target.exists():
-            _write_chunk(target, _simulate(team, skills, config, index))
-        yield min((index + 1) * config.chunk, config.chunks * config.chunk)
+    _open_folder(out, describe(team, config))
+    missing = [index for index in range(config.chunks) if not _chunk(out, index).exists()]
+    done = config.chunks - len(missing)
+    yield done * config.chunk
+    for _ in _collect_missing(team, config, out, missing, workers):
+        done += 1
+        yield done * config.chunk
+
+
+def _collect_missing(
+    team: Team, config: Collection, out: Path, missing: list[int], workers: int
+) -> Iterator[None]:
+    tasks = [_ChunkTask(team, config, out, index) for index in missing]
+    if workers == 1 or len(tasks) < 2:
+        for task in tasks:
+            _collect_chunk(task)
+            yield
+        return
+    _warm_up(tasks[0])
+    yield from run_tasks(_collect_and_report, tasks, workers=workers)
+
+
+@dataclass(frozen=True)
+class _ChunkTask:
+    team: Team
+    config: Collection
+    out: Path
+    index: int
+
+
+def _collect_chunk(task: _ChunkTask) -> None:
+    arrays = _simulate(task.team, task.team.skills(), task.config, task.index)
+    _write_chunk(_chunk(task.out, task.index), arrays)
+
+
+def _collect_and_report(task: _ChunkTask, report: Report) -> None:
+    _collect_chunk(task)
+    report(None)
+
+
+def _warm_up(task: _ChunkTask) -> None:
+    """Simulate two steps, so that the kernels are compiled once and not by every worker."""
+    tiny = replace(task.config, chunk=1, worlds=1, steps=2)
+    _simulate(task.team, task.team.skills(), tiny, task.index)
+
+
+def _chunk(out: Path, index: int) -> Path:
+    return out / f"chunk-{index:05d}"
 
 
 def describe(team: Team, config: Collection) -> dict[str, Any]:

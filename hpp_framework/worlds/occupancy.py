@@ -97,17 +97,15 @@ def free_space(world: World, *, body_height: float, resolution: float = RESOLUTI
     blocked[[0, -1], :] = 1
     blocked[:, [0, -1]] = 1
     to_pixel = _PixelGrid(np.array([x_min, y_min], np.float64), resolution)
-    boxes = [box for box in world.boxes if box.base < body_height]
-    for corners in [box.corners() for box in boxes]:
-        cv2.fillPoly(blocked, [to_pixel(corners)], 1, shift=to_pixel.shift)
-    for x0, y0, x1, y1 in segments:
-        ends = to_pixel(np.array([[x0, y0], [x1, y1]]))
-        cv2.line(blocked, ends[0].tolist(), ends[1].tolist(), 1, shift=to_pixel.shift)
+    boxes = [box.corners() for box in world.boxes if box.base < body_height]
+    for corners in to_pixel(np.array(boxes).reshape(-1, 4, 2)):
+        cv2.fillPoly(blocked, [corners], 1, shift=to_pixel.shift)
+    cv2.polylines(blocked, list(to_pixel(segments.reshape(-1, 2, 2))), False, 1, shift=to_pixel.shift)
     for lines in solid_outlines(world, body_height):
         blocked |= fill_outlines(to_pixel.cells(lines.reshape(-1, 2, 2)), blocked.shape)
-    for x, y, radius in discs:
-        scaled = round(float(radius) / resolution * (1 << to_pixel.shift))
-        cv2.circle(blocked, to_pixel(np.array([[x, y]]))[0].tolist(), scaled, 1, -1, shift=to_pixel.shift)
+    radii = np.round(discs[:, 2].astype(np.float64) / resolution * (1 << to_pixel.shift)).astype(int)
+    for center, radius in zip(to_pixel(discs[:, :2]).tolist(), radii.tolist(), strict=True):
+        cv2.circle(blocked, center, radius, 1, -1, shift=to_pixel.shift)
     distance = np.asarray(ndimage.distance_transform_edt(blocked == 0)) * resolution
     inner = np.maximum(distance[1:-1, 1:-1] - resolution / 2, 0).astype(np.float32)
     return FreeSpace(distance=inner, origin=(x_min, y_min), resolution=resolution)

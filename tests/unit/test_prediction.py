@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from hpp_framework.checkpoints import load_checkpoint
+from hpp_framework.cli.main import main
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.prediction.collect import SCAN_UNIT, Collection, collect
 from hpp_framework.prediction.constant_velocity import ConstantVelocity
@@ -18,6 +19,7 @@ from hpp_framework.prediction.dataset import TrajectoryData
 from hpp_framework.prediction.delta import DeltaNetwork
 from hpp_framework.prediction.delta_rollout import DeltaPoseLidar
 from hpp_framework.prediction.far_sighted import OFFSETS, FarSighted, FarSightedNetwork
+from hpp_framework.prediction.library import model_pairs
 from hpp_framework.predictor import PredictorRequest, PredictorTraining
 from hpp_framework.registry import hub
 from hpp_framework.seeding import numpy_rng
@@ -36,7 +38,7 @@ def team():
 @pytest.fixture(scope="module")
 def folder(team, tmp_path_factory):
     out = tmp_path_factory.mktemp("data")
-    assert list(collect(team, TINY, out)) == [20, 40, 60]
+    assert list(collect(team, TINY, out)) == [0, 20, 40, 60]
     return out
 
 
@@ -52,6 +54,44 @@ def test_collection_resumes_and_repeats(team, folder, tmp_path):
     for name in ("poses", "scans", "goals", "world"):
         first = np.load(folder / "chunk-00001" / f"{name}.npy")
         assert np.array_equal(first, np.load(tmp_path / "data" / "chunk-00001" / f"{name}.npy"))
+
+
+def test_the_data_do_not_depend_on_the_number_of_workers(team, folder, tmp_path):
+    done = list(collect(team, TINY, tmp_path, workers=2))
+    assert done == [0, 20, 40, 60]
+    for file in folder.glob("chunk-*/*.npy"):
+        assert file.read_bytes() == (tmp_path / file.relative_to(folder)).read_bytes()
+
+
+def test_all_models_of_a_team_are_trained_and_then_left_alone(folder, tmp_path, capsys):
+    command = f"train predictor delta-pose-lidar --data {folder} --out {tmp_path} --steps 8 --batch 16"
+    main([*command.split(), "--workers", "2"])
+    files = sorted(tmp_path.glob("*/*.safetensors"))
+    assert [file.stem for file in files] == [
+        "other-fetch-freight", "other-freight-fetch", "self-fetch", "self-freight",
+    ]  # fmt: skip
+    card = load_checkpoint(files[1], {})[1]
+    assert (card["agent"], card["subject"], card["role"]) == ("freight", "fetch", "other")
+    before = [file.stat().st_mtime_ns for file in files]
+    main([*command.split(), "--agent", "1", "--workers", "1"])
+    assert [file.stat().st_mtime_ns for file in files] == before
+    assert "self-freight, step 8, is there already" in capsys.readouterr().out
+
+
+def test_robots_that_are_alike_share_their_models():
+    assert model_pairs(parse_team("fetch,fetch,freight")) == {
+        "self-fetch": (0, 0),
+        "other-fetch-fetch": (0, 1),
+        "other-fetch-freight": (0, 2),
+        "other-freight-fetch": (2, 0),
+        "self-freight": (2, 2),
+    }
+    assert model_pairs(parse_team("fetch,fetch"), agent=1) == {
+        "other-fetch-fetch": (1, 0),
+        "self-fetch": (1, 1),
+    }
+    with pytest.raises(ConfigError, match="--subject 2: the team has robots 0 to 1"):
+        model_pairs(parse_team("fetch,fetch"), subject=2)
 
 
 def test_another_collection_is_refused(team, folder):
@@ -237,7 +277,7 @@ def test_a_world_file_can_be_collected_in(team, tmp_path):
     world = tmp_path / "my_room.yaml"
     world.write_text("name: my room\nbounds: [-4, -3, 4, 3]\n")
     tiny = Collection(trajectories=6, chunk=3, steps=8, worlds=1, world=str(world), seed=1)
-    assert list(collect(team, tiny, tmp_path / "data")) == [3, 6]
+    assert list(collect(team, tiny, tmp_path / "data")) == [0, 3, 6]
     poses = np.load(tmp_path / "data" / "chunk-00000" / "poses.npy")
     assert (np.abs(poses[..., 0]) < 4).all()
     assert (np.abs(poses[..., 1]) < 3).all()
