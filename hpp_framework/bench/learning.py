@@ -15,6 +15,7 @@ from typing import Any
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from hpp_framework.bench.machine import SIDE, Product
 from hpp_framework.bench.measurement import Measurement, Settings, SkippedError, rates, ratios, timed
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
 from hpp_framework.prediction.collect import Collection, collect
@@ -25,9 +26,6 @@ from hpp_framework.sensing import NoiseModel
 from hpp_framework.skill import SkillTraining
 from hpp_framework.team import Team, parse_team
 from hpp_framework.worlds.pool import build_pool
-
-PRODUCT = 1024
-"""Rows and columns of the matrices by which the machine's matrix-product rate is measured."""
 
 NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=0.02, dropout=0.01)
 """Of the navigation environment, as skills are trained."""
@@ -96,7 +94,7 @@ def _training(name: str, subject: int, data: Path, folder: Path, settings: Setti
             hub().predictor_trainers.create(name, config)
 
     operations = (_operations(lambda: train(2)) - _operations(lambda: train(1))) * (long - short)
-    product = _Product(settings)
+    product = Product(settings)
     seconds = timed(
         {"short": lambda: train(short), "long": lambda: train(long), "product": product}, settings.repeats
     )
@@ -111,25 +109,12 @@ def _training(name: str, subject: int, data: Path, folder: Path, settings: Setti
     )
     machine = rates(product.operations, seconds["product"])
     yield Measurement(
-        name="matrix product", parameters={"size": PRODUCT, "threads": threads}, unit="Gflop/s",
+        name="matrix product", parameters={"size": SIDE, "threads": threads}, unit="Gflop/s",
         values=tuple(rate / 1e9 for rate in machine),
     )  # fmt: skip
     if operations:
         share = ratios(rates(operations, taken), machine)
         yield Measurement(name="share of the product rate", parameters=parameters, unit="x", values=share)
-
-
-class _Product:
-    """Square single-precision matrix products, on as many threads as the training before them chose."""
-
-    def __init__(self, settings: Settings) -> None:
-        self.matrix = torch.ones(PRODUCT, PRODUCT)
-        self.count = settings.pick(1, 10, 40)
-        self.operations = 2 * PRODUCT**3 * self.count
-
-    def __call__(self) -> None:
-        for _ in range(self.count):
-            torch.mm(self.matrix, self.matrix)
 
 
 def _operations(work: Callable[[], None]) -> int:

@@ -1,19 +1,63 @@
-"""What a benchmark ran on; written beside its results."""
+"""What a benchmark ran on, and the two rates of the machine that costs are compared with."""
 
 from __future__ import annotations
 
 import os
 import platform
 import sys
+from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from hpp_framework.bench.measurement import available_cores
+from hpp_framework.bench.measurement import Measurement, Settings, available_cores, rates, timed
 
 PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "stable-baselines3")
+
+
+SIDE = 1024
+"""Rows and columns of the matrices that are multiplied."""
+
+COPIED = 1 << 26
+"""Bytes that are copied, more than caches hold."""
+
+
+class Product:
+    """Square single-precision matrix products, as many as fill a repeat."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.matrix = torch.ones(SIDE, SIDE)
+        self.count = settings.pick(1, 10, 40)
+        self.operations = 2 * SIDE**3 * self.count
+
+    def __call__(self) -> None:
+        """Multiply."""
+        for _ in range(self.count):
+            torch.mm(self.matrix, self.matrix)
+
+
+def machine(settings: Settings) -> Iterator[Measurement]:
+    """Matrix products and copies a second, on one core and on all: the floors of everything else."""
+    product = Product(settings)
+    source = torch.ones(settings.pick(1 << 10, COPIED, COPIED) // 4)
+    target = torch.empty_like(source)
+    count = settings.pick(1, 10, 40)
+
+    def copy() -> None:
+        for _ in range(count):
+            target.copy_(source)
+
+    for threads in dict.fromkeys((1, settings.threads)):
+        torch.set_num_threads(threads)
+        seconds = timed({"product": product, "copy": copy}, settings.repeats)
+        gigaflops = rates(product.operations / 1e9, seconds["product"])
+        # a copy reads and writes
+        gigabytes = rates(2 * 4 * len(source) * count / 1e9, seconds["copy"])
+        case = {"size": SIDE, "threads": threads}
+        yield Measurement(name="matrix product", parameters=case, unit="Gflop/s", values=gigaflops)
+        yield Measurement(name="memory copy", parameters={"threads": threads}, unit="GB/s", values=gigabytes)
 
 
 def describe_machine(device: str) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from hpp_framework.team import parse_team
 Benchmark = Callable[[Settings], Iterator[Measurement]]
 
 BENCHMARKS = {
+    "machine": "machine:machine",
     "simulation": "simulators:simulation",
     "scans": "simulators:scans",
     "sapien": "simulators:sapien",

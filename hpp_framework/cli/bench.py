@@ -19,7 +19,7 @@ TABLE_WIDTH = 140
 class Bench:
     """Measure speed: median and spread of each case, with the machine's load beside it.
 
-    Benchmarks: simulation, scans, sapien, collecting, predictors, planning, skill, episodes. Writes
+    Benchmarks: machine, simulation, scans, sapien, collecting, predictors, planning, skill, episodes. Writes
     results.json and results.csv into --out after every measurement, so that an interruption keeps them.
     """
 
