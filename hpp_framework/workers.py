@@ -47,9 +47,10 @@ def run_tasks(
     try:
         for _, task in zip(range(workers), waiting, strict=False):
             here, there = context.Pipe()
-            process = context.Process(target=_work, args=(function, there), daemon=True)
+            process = context.Process(target=_work, args=(there,), daemon=True)
             process.start()
             there.close()
+            here.send(function)
             here.send(task)
             busy[here] = process
         while busy:
@@ -84,14 +85,16 @@ def _receive(here: Any, busy: dict[Any, Any], waiting: Iterator[Any]) -> Iterato
         here.close()  # the worker leaves when nothing can come any more
 
 
-def _work(function: Callable[[Any, Report], None], there: Any) -> None:
-    # the starting process hears of an interruption too, and ends the workers
+def _work(there: Any) -> None:
+    # the starting process hears of an interruption too, and ends the workers; what takes time to import,
+    # the function first of all, comes after this line
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
     import torch
 
     torch.set_num_threads(1)
     try:
+        function: Callable[[Any, Report], None] = there.recv()
         while True:
             function(there.recv(), lambda content: there.send(("report", content)))
             there.send(("done", None))
