@@ -14,6 +14,8 @@ CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
 UNCHECKED = {
     # Warp compiles the source of its kernels; wrapping them breaks that
     "hpp_framework.sim.batch_kernels",
+    "hpp_framework.sim.drive_kernels",
+    "hpp_framework.sim.lidar_kernels",
     "hpp_framework.prediction.delta_kernels",
     "hpp_framework.prediction.depth_kernels",
 }

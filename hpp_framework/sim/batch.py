@@ -2,75 +2,69 @@
 
 from __future__ import annotations
 
-import os
-import sys
+import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
-import warp as wp
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from hpp_framework.errors import SimulatorError
+from hpp_framework.kernels import wp
 from hpp_framework.robot import RobotSpec
-from hpp_framework.sim import batch_kernels
+from hpp_framework.sim import batch_kernels, drive_kernels, lidar_kernels
+from hpp_framework.sim.batch_grid import build_geometry
+from hpp_framework.sim.crew import Crew, Job
 from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS, Simulator
 from hpp_framework.types import State
-from hpp_framework.worlds.slicing import PlanarMap, planar_map
+from hpp_framework.worlds.slicing import planar_map
 from hpp_framework.worlds.world import World
-
-wp.config.log_level = wp.LOG_ERROR
-
-
-def _initialise_warp() -> None:
-    """Start Warp without the line that its native part prints on machines that have no CUDA."""
-    sys.stderr.flush()
-    kept = os.dup(2)
-    silent = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(silent, 2)
-        wp.init()
-    finally:
-        os.dup2(kept, 2)
-        os.close(silent)
-        os.close(kept)
-
-
-_initialise_warp()
 
 
 class BatchSimulator(Simulator):
-    """Disc robots among segments and discs; see :mod:`hpp_framework.sim.batch_kernels` for the physics.
+    """Disc robots among segments and discs; see :mod:`hpp_framework.sim.drive_kernels` for the physics.
+
+    Episodes are shared out to threads; results do not depend on how many there are.
 
     Args:
         robots: the team.
         device: ``"cpu"`` or ``"cuda"``.
+        threads: that work side by side on the CPU, or None for one a core that this process may use.
     """
 
-    def __init__(self, robots: Sequence[RobotSpec], *, device: str = "cpu") -> None:
+    def __init__(
+        self, robots: Sequence[RobotSpec], *, device: str = "cpu", threads: int | None = None
+    ) -> None:
         super().__init__(robots)
+        if threads is not None and threads < 1:
+            raise SimulatorError(f"threads must be at least 1, or None for one a core, got {threads}.")
         self.device = torch.device(device)
         self._warp_device = wp.device_from_torch(self.device)
+        self._crew = Crew(threads if self.device.type == "cpu" else 1)
+        self._seen_from = sorted({robot.lidar.height for robot in robots})
+        self._touched_below = sorted({robot.height for robot in robots})
         self._robots: Any = wp.array(
-            [_robot_struct(robot) for robot in robots], dtype=batch_kernels.Robot, device=self._warp_device
+            [self._robot_struct(robot) for robot in robots],
+            dtype=batch_kernels.Robot,
+            device=self._warp_device,
         )
-        self._directions: Any = wp.array(
-            _directions(robots, self.beams), dtype=wp.vec2, device=self._warp_device
-        )
-        self._pool: tuple[World, ...] = ()
+        self._rays = _rays(robots, self.beams, self._warp_device)
         self._geometry: Any = None
 
     def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
         """Start one episode a world; equal worlds share their geometry."""
         self.check_poses(worlds, poses)
-        pool = tuple(dict.fromkeys(worlds))
-        place = {world: index for index, world in enumerate(pool)}
-        self.load(pool, episodes=len(worlds))
+        # most equal worlds are the same object, and comparing those is cheap
+        objects = {id(world): world for world in worlds}
+        place = {world: index for index, world in enumerate(dict.fromkeys(objects.values()))}
+        index_of = {key: place[world] for key, world in objects.items()}
+        self.load(tuple(place), episodes=len(worlds))
         everyone = torch.ones(len(worlds), len(self.robots), dtype=torch.bool)
-        return self.place(
-            torch.tensor([place[world] for world in worlds], dtype=torch.int32), everyone, poses
-        )
+        world_index = torch.tensor([index_of[id(world)] for world in worlds], dtype=torch.int32)
+        return self.place(world_index, everyone, poses)
 
     def load(self, pool: Sequence[World], *, episodes: int) -> None:
         """Hold a pool of worlds and room for a number of episodes; follow with :meth:`place`.
@@ -79,11 +73,11 @@ class BatchSimulator(Simulator):
             pool: worlds that :meth:`place` refers to by index.
             episodes: how many run side by side.
         """
-        self._pool = tuple(pool)
-        heights = [robot.lidar.height for robot in self.robots]
-        tallest = max(robot.height for robot in self.robots)
-        self._geometry = _pack(
-            [planar_map(world, lidar_heights=heights, body_height=tallest) for world in pool],
+        tallest = max(self._touched_below)
+        self._geometry = build_geometry(
+            [planar_map(world, lidar_heights=self._seen_from, body_height=tallest) for world in pool],
+            self._seen_from,
+            self._touched_below,
             self._warp_device,
         )
         shape = (episodes, len(self.robots))
@@ -91,20 +85,18 @@ class BatchSimulator(Simulator):
         def zeros(*trailing: int, dtype: torch.dtype = torch.float32) -> Tensor:
             return torch.zeros(*shape, *trailing, dtype=dtype, device=self.device)
 
+        # scans are worked on in blocks, so each has room for whole ones
+        self._blocks = zeros(self._rays.x.shape[1], batch_kernels.LANES)
         self._state = State(
-            poses=zeros(3), velocities=zeros(2), scans=zeros(self.beams), collided=zeros(dtype=torch.bool)
+            poses=zeros(3),
+            velocities=zeros(2),
+            scans=self._blocks.flatten(2)[..., : self.beams],
+            collided=zeros(dtype=torch.bool),
         )
         self._world_index = torch.zeros(episodes, dtype=torch.int32, device=self.device)
         self._commands = zeros(2)
-        wrap = wp.from_torch
-        self._near: Any = wp.zeros(shape, dtype=int, device=self._warp_device)
-        self._before: Any = wp.zeros(shape, dtype=wp.vec2, device=self._warp_device)
-        self._arrays: list[Any] = [
-            wrap(x)
-            for x in (self._state.poses, self._state.velocities, self._state.scans, self._state.collided)
-        ]
-        self._warp_commands: Any = wrap(self._commands)
-        self._warp_index: Any = wrap(self._world_index)
+        self._gap = zeros()
+        self._record(episodes)
 
     def place(
         self,
@@ -126,25 +118,27 @@ class BatchSimulator(Simulator):
         )
         self._state.velocities.masked_fill_(chosen[..., None], 0.0)
         self._state.collided.masked_fill_(chosen, value=False)
-        self._cast()
+        # what is near has to be looked for again
+        self._gap.zero_()
+        self._crew.run(self._cast)
         return self.state()
 
     def step(self, commands: Float[Tensor, "b n 2"]) -> State:
         """Drive for one control period and cast all lidars."""
+        self.advance(commands)
+        return self.state()
+
+    def advance(self, commands: Float[Tensor, "b n 2"]) -> State:
+        """Do what :meth:`step` does, and return the simulator's own memory.
+
+        Returns:
+            Tensors that the next step overwrites; they must not be written to. There may be gaps between
+            the rows of scans.
+        """
         self.check_commands(commands, len(self._world_index))
         self._commands.copy_(commands)
-        poses, velocities, _, collided = self._arrays
-        wp.launch(
-            batch_kernels.drive,
-            dim=len(self._world_index),
-            inputs=[
-                self._warp_commands, self._robots, self._geometry, self._warp_index, CONTROL_PERIOD, SUBSTEPS,
-                poses, velocities, collided, self._near, self._before,
-            ],
-            device=self._warp_device,
-        )  # fmt: skip
-        self._cast()
-        return self.state()
+        self._crew.run(self._drive_and_cast)
+        return self._state
 
     def state(self) -> State:
         """Return a copy of the current state; it shares no memory with the simulator."""
@@ -152,64 +146,85 @@ class BatchSimulator(Simulator):
         return State(
             poses=now.poses.clone(),
             velocities=now.velocities.clone(),
-            scans=now.scans.clone(),
+            scans=now.scans.contiguous() if not now.scans.is_contiguous() else now.scans.clone(),
             collided=now.collided.clone(),
         )
 
-    def _cast(self) -> None:
-        poses, _, scans, _ = self._arrays
-        wp.launch(
-            batch_kernels.cast,
-            dim=(len(self._world_index), len(self.robots)),
-            inputs=[poses, self._robots, self._directions, self._geometry, self._warp_index, scans],
-            device=self._warp_device,
-        )
+    def close(self) -> None:
+        """End the threads."""
+        self._crew.close()
 
+    def _record(self, episodes: int) -> None:
+        """Prepare the launches of a step, slice by slice of the episodes."""
+        robots = len(self.robots)
+        wrap = wp.from_torch
+        poses, index = wrap(self._state.poses), wrap(self._world_index)
+        blocks = wrap(self._blocks.flatten(0, 1), dtype=batch_kernels.Lanes)
+        touched: Any = wp.zeros((episodes, robots), dtype=wp.bool, device=self._warp_device)
+        before: Any = wp.zeros((episodes, robots), dtype=wp.vec2, device=self._warp_device)
+        drive_inputs = [
+            wrap(self._commands), self._robots, self._geometry, index, CONTROL_PERIOD, SUBSTEPS,
+            poses, wrap(self._state.velocities), wrap(self._state.collided), touched, before, wrap(self._gap),
+        ]  # fmt: skip
+        cast_inputs = [poses, self._robots, self._rays, self._geometry, index, blocks]
+        self._cast: list[Job] = []
+        self._drive_and_cast: list[Job] = []
+        for start, stop in self._crew.slices(episodes):
+            drive = self._prepare(drive_kernels.drive, stop - start, [start, *drive_inputs])
+            cast = self._prepare(lidar_kernels.cast, (stop - start) * robots, [start * robots, *cast_inputs])
+            self._cast.append(cast)
+            self._drive_and_cast.append(partial(_in_turn, drive, cast))
 
-def _robot_struct(robot: RobotSpec) -> Any:
-    out = batch_kernels.Robot()
-    angles = robot.lidar.angles()
-    out.speed_min, out.speed_max = robot.drive.speed
-    out.turn_rate = robot.drive.turn_rate
-    out.acceleration = robot.drive.acceleration
-    out.turn_acceleration = robot.drive.turn_acceleration
-    out.radius = robot.footprint_radius
-    out.profile_radius = robot.profile_radius
-    out.height = robot.height
-    out.mass = robot.mass
-    out.mount = wp.vec3(*robot.lidar.mount)
-    out.lidar_height = robot.lidar.height
-    out.min_range, out.max_range = robot.lidar.min_range, robot.lidar.max_range
-    out.first_angle = float(angles[0])
-    out.angle_step = float(angles[1] - angles[0])
-    out.beams = robot.lidar.beams
-    return out
+    def _prepare(self, kernel: Any, size: int, inputs: list[Any]) -> Job:
+        launch: Any = wp.launch(kernel, dim=size, inputs=inputs, device=self._warp_device, record_cmd=True)
+        if self.device.type == "cpu":
+            return launch.launch
+        return lambda: launch.launch(stream=wp.stream_from_torch(torch.cuda.current_stream(self.device)))
 
-
-def _directions(robots: Sequence[RobotSpec], beams: int) -> np.ndarray:
-    """Return unit vectors (robots, beams, 2) of the beams in the mount's frame."""
-    out = np.zeros((len(robots), beams, 2), np.float32)
-    for row, robot in zip(out, robots, strict=True):
+    def _robot_struct(self, robot: RobotSpec) -> Any:
+        out = batch_kernels.Robot()
         angles = robot.lidar.angles()
-        row[: len(angles)] = np.stack([np.cos(angles), np.sin(angles)], -1)
-    return out
+        out.speed_min, out.speed_max = robot.drive.speed
+        out.turn_rate = robot.drive.turn_rate
+        out.acceleration = robot.drive.acceleration
+        out.turn_acceleration = robot.drive.turn_acceleration
+        out.radius = robot.footprint_radius
+        out.profile_radius = robot.profile_radius
+        out.height = robot.height
+        out.mass = robot.mass
+        out.seen_layer = self._seen_from.index(robot.lidar.height)
+        out.touched_layer = len(self._seen_from) + self._touched_below.index(robot.height)
+        out.mount = wp.vec3(*robot.lidar.mount)
+        out.lidar_height = robot.lidar.height
+        out.min_range, out.max_range = robot.lidar.min_range, robot.lidar.max_range
+        out.first_angle = float(angles[0])
+        out.field_of_view = robot.lidar.field_of_view
+        out.last_beam = wp.vec2(math.cos(robot.lidar.field_of_view), math.sin(robot.lidar.field_of_view))
+        out.beams_per_radian = float(1.0 / (angles[1] - angles[0]))
+        out.beams = robot.lidar.beams
+        return out
 
 
-def _pack(maps: Sequence[PlanarMap], device: Any) -> Any:
-    geometry = batch_kernels.Geometry()
+def _in_turn(*jobs: Job) -> None:
+    for job in jobs:
+        job()
 
-    def array(parts: list[np.ndarray], width: int, dtype: Any) -> Any:
-        shape = (-1, width) if width > 1 else (-1,)
-        return wp.array(np.concatenate(parts).reshape(shape), dtype=dtype, device=device)
 
-    def starts(lengths: list[int]) -> Any:
-        return wp.array(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32), dtype=int, device=device)
-
-    geometry.segments = array([m.segments for m in maps], 4, wp.vec4)
-    geometry.segment_heights = array([m.segment_heights for m in maps], 2, wp.vec2)
-    geometry.segment_flags = array([m.segment_flags for m in maps], 1, int)
-    geometry.segment_start = starts([len(m.segments) for m in maps])
-    geometry.discs = array([m.discs for m in maps], 3, wp.vec3)
-    geometry.disc_heights = array([m.disc_heights for m in maps], 2, wp.vec2)
-    geometry.disc_start = starts([len(m.discs) for m in maps])
-    return geometry
+def _rays(robots: Sequence[RobotSpec], beams: int, device: Any) -> Any:
+    """Return the directions of all beams in the frame of beam 0, and the windows."""
+    lanes = int(batch_kernels.LANES)
+    blocks = -(-beams // lanes)
+    directions = np.zeros((2, len(robots), blocks * lanes), np.float32)
+    for row, robot in enumerate(robots):
+        angles = robot.lidar.angles()
+        angles = angles - angles[0]
+        directions[:, row, : len(angles)] = np.cos(angles), np.sin(angles)
+    x, y = directions.reshape(2, len(robots), blocks, lanes)
+    lane = np.arange(lanes)
+    edge = np.arange(lanes + 1)
+    windows = (lane >= edge[:, None, None]) & (lane < edge[:, None])
+    rays = lidar_kernels.Rays()
+    rays.x = wp.array(x, dtype=batch_kernels.Lanes, device=device)
+    rays.y = wp.array(y, dtype=batch_kernels.Lanes, device=device)
+    rays.windows = wp.array(windows.astype(np.float32), dtype=batch_kernels.Lanes, device=device)
+    return rays

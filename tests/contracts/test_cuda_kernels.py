@@ -8,7 +8,8 @@ import pytest
 import warp as wp
 
 MODULES = (
-    "hpp_framework.sim.batch_kernels",
+    "hpp_framework.sim.drive_kernels",
+    "hpp_framework.sim.lidar_kernels",
     "hpp_framework.prediction.delta_kernels",
     "hpp_framework.prediction.depth_kernels",
 )
