@@ -12,7 +12,8 @@ from typing import Any
 
 import torch
 
-from hpp_framework.bench.measurement import Measurement, Settings, available_cores, rates, timed
+from hpp_framework.bench.measurement import Measurement, Settings, rates, timed
+from hpp_framework.workers import available_cores
 
 PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "stable-baselines3")
 

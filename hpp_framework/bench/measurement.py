@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from hpp_framework.errors import HppError
+from hpp_framework.workers import available_cores
 
 T = TypeVar("T")
 Scale = Literal["tiny", "quick", "full"]
@@ -27,11 +28,6 @@ Parameter = str | int | float
 
 class SkippedError(HppError):
     """A benchmark cannot run on this machine; the message says why."""
-
-
-def available_cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _load() -> float:

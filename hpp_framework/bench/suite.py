@@ -19,10 +19,10 @@ BENCHMARKS = {
     "simulation": "simulators:simulation",
     "scans": "simulators:scans",
     "sapien": "simulators:sapien",
-    "collecting": "learning:collecting",
-    "predictors": "learning:predictors",
+    "collecting": "predictors:collecting",
+    "predictors": "predictors:predictors",
     "planning": "planning:planning",
-    "skill": "learning:skill",
+    "skill": "skill:skill",
     "episodes": "planning:episodes",
 }
 
