@@ -192,7 +192,7 @@ def _simulate(team: Team, skills: list[Skill], config: Collection, index: int) -
     world = rng.integers(len(pool), size=config.chunk)
     starts = _starts(pool, world, len(team), config, rng)
     goals = _goals(pool, world, starts, config, rng)
-    simulator = BatchSimulator(team.robots)
+    simulator = BatchSimulator(team.robots, threads=1)
     simulator.load(pool.worlds, episodes=config.chunk)
     everyone = torch.ones(config.chunk, len(team), dtype=torch.bool)
     state = simulator.place(torch.from_numpy(world).to(torch.int32), everyone, starts)
@@ -205,7 +205,7 @@ def _simulate(team: Team, skills: list[Skill], config: Collection, index: int) -
         scans[:, step] = (state.scans / SCAN_UNIT).round().numpy().astype(np.uint16)
         goal = goals[:, step]
         commands = [skill.act(sensing.observe(i), goal) for i, skill in enumerate(skills)]
-        state = simulator.step(torch.stack(commands, 1))
+        state = simulator.advance(torch.stack(commands, 1))
         sensing.update(state)
     first = index * config.worlds
     return {"poses": poses, "scans": scans, "goals": goals.numpy(), "world": (world + first).astype(np.int64)}
