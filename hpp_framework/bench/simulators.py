@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 
 import torch
@@ -59,7 +60,7 @@ class Loop:
         boxes = (case.segments - WALL_SEGMENTS) // 4
         rooms = [furnished(rng, boxes) for _ in range(min(case.rooms, case.worlds))]
         poses = starts(rooms, robots, case.worlds, rng)
-        self.simulator = BatchSimulator(robots, device=settings.device)
+        self.simulator = BatchSimulator(robots, device=settings.device, threads=settings.threads)
         self.simulator.load(rooms, episodes=case.worlds)
         self._worlds = torch.arange(case.worlds, dtype=torch.int32) % len(rooms)
         self._nobody = torch.zeros(case.worlds, case.robots, dtype=torch.bool)
@@ -73,20 +74,24 @@ class Loop:
         self.steps = _enough(self._step, settings)
 
     def _step(self) -> None:
-        self.simulator.step(self._commands[0])
+        self.simulator.advance(self._commands[0])
         self.settings.wait()
 
     def drive(self) -> None:
         """Step often enough to take time."""
         for index in range(self.steps):
-            self.simulator.step(self._commands[index % COMMANDS])
+            self.simulator.advance(self._commands[index % COMMANDS])
         self.settings.wait()
 
     def look(self) -> None:
-        """Cast all lidars as often; nobody moves."""
+        """Cast all lidars as often, and copy the scans; nobody moves."""
         for _ in range(self.steps):
             self.simulator.place(self._worlds, self._nobody, self._poses)
         self.settings.wait()
+
+    def close(self) -> None:
+        """End the simulator's threads."""
+        self.simulator.close()
 
 
 def _enough(action: object, settings: Settings) -> int:
@@ -100,13 +105,20 @@ def _enough(action: object, settings: Settings) -> int:
 
 
 def simulation(settings: Settings) -> Iterator[Measurement]:
-    """Agent-steps a second: physics, all lidars, and a copy of the state for the caller."""
-    for case in _cases(settings):
-        loop = Loop(case, settings)
+    """Agent-steps a second: physics and all lidars, the state as tensors that share the simulator's memory."""
+    cases = _cases(settings)
+    for case in cases:
+        yield _agent_steps(case, settings)
+    if settings.threads > 1:
+        yield _agent_steps(cases[0], replace(settings, threads=1))
+    yield _growth(settings)
+
+
+def _agent_steps(case: Case, settings: Settings) -> Measurement:
+    with closing(Loop(case, settings)) as loop:
         seconds = timed({"drive": loop.drive}, settings.repeats)["drive"]
-        amount = case.worlds * case.robots * loop.steps
-        yield _measured("agent steps", case, settings, rates(amount, seconds))
-    yield from _growth(settings)
+    amount = case.worlds * case.robots * loop.steps
+    return _measured("agent steps", case, settings, rates(amount, seconds))
 
 
 def _cases(settings: Settings) -> list[Case]:
@@ -124,17 +136,15 @@ def _cases(settings: Settings) -> list[Case]:
     ]
 
 
-def _growth(settings: Settings) -> Iterator[Measurement]:
+def _growth(settings: Settings) -> Measurement:
+    """Return how many times longer a step takes among many segments than among few."""
     usual = settings.pick(Case(worlds=2, rooms=1), Case(), Case(worlds=4096))
-    loops = {str(n): Loop(replace(usual, segments=n), settings) for n in (FEW, MANY)}
-    taken = timed({name: loop.drive for name, loop in loops.items()}, settings.repeats)
-    each = {name: [s / loops[name].steps for s in seconds] for name, seconds in taken.items()}
-    case = replace(usual, segments=MANY)
-    values = ratios(each[str(MANY)], each[str(FEW)])
-    yield replace(
-        _measured("time of a step, ratio", case, settings, values, unit="x"),
-        parameters={**_parameters(case, settings), "against_segments": FEW},
-    )
+    few, many = replace(usual, segments=FEW), replace(usual, segments=MANY)
+    with closing(Loop(few, settings)) as sparse, closing(Loop(many, settings)) as dense:
+        seconds = timed({"few": sparse.drive, "many": dense.drive}, settings.repeats)
+    values = ratios([s / dense.steps for s in seconds["many"]], [s / sparse.steps for s in seconds["few"]])
+    measured = _measured("time of a step, ratio", many, settings, values, unit="x")
+    return replace(measured, parameters={**measured.parameters, "against_segments": FEW})
 
 
 def scans(settings: Settings) -> Iterator[Measurement]:
@@ -143,8 +153,8 @@ def scans(settings: Settings) -> Iterator[Measurement]:
     others = settings.pick((), (80, 400, 2000), (20, 80, 200, 400, 1000, 2000))
     cases = [usual, replace(usual, beams=1080), *(replace(usual, segments=count) for count in others)]
     for case in cases:
-        loop = Loop(case, settings)
-        seconds = timed({"look": loop.look}, settings.repeats)["look"]
+        with closing(Loop(case, settings)) as loop:
+            seconds = timed({"look": loop.look}, settings.repeats)["look"]
         yield _measured("scans", case, settings, rates(case.worlds * case.robots * loop.steps, seconds))
 
 
@@ -178,8 +188,8 @@ def sapien(settings: Settings) -> Iterator[Measurement]:
             for _ in range(steps):
                 simulator.state()
 
-        loop = Loop(case, settings)
-        seconds = timed({"drive": drive, "look": look, "batch": loop.look}, settings.repeats)
+        with closing(Loop(case, settings)) as loop:
+            seconds = timed({"drive": drive, "look": look, "batch": loop.look}, settings.repeats)
     one = {"robots": case.robots, "beams": case.beams, "boxes": BOXES, "cores": 1}
     rays = rates(case.robots * case.beams * steps, seconds["look"])
     batch = rates(case.worlds * case.robots * case.beams * loop.steps, seconds["batch"])
@@ -190,7 +200,7 @@ def sapien(settings: Settings) -> Iterator[Measurement]:
 
 
 def _parameters(case: Case, settings: Settings) -> dict[str, str | int | float]:
-    return {**asdict(case), "device": settings.device}
+    return {**asdict(case), "device": settings.device, "threads": settings.threads}
 
 
 def _measured(
