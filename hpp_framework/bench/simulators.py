@@ -62,15 +62,15 @@ class Loop:
         poses = starts(rooms, robots, case.worlds, rng)
         self.simulator = BatchSimulator(robots, device=settings.device, threads=settings.threads)
         self.simulator.load(rooms, episodes=case.worlds)
-        self._worlds = torch.arange(case.worlds, dtype=torch.int32) % len(rooms)
-        self._nobody = torch.zeros(case.worlds, case.robots, dtype=torch.bool)
-        self._poses = poses
-        self.simulator.place(self._worlds, ~self._nobody, poses)
+        worlds = torch.arange(case.worlds, dtype=torch.int32) % len(rooms)
+        everyone = torch.ones(case.worlds, case.robots, dtype=torch.bool)
+        self.simulator.place(worlds, everyone, poses)
         commands = torch.rand(
             COMMANDS, case.worlds, case.robots, 2, generator=torch_rng(settings.seed, "bench")
         )
         commands[..., 1] = 2 * commands[..., 1] - 1
         self._commands = list(commands.to(settings.device))
+        self._still = torch.zeros_like(self._commands[0])
         self.steps = _enough(self._step, settings)
 
     def _step(self) -> None:
@@ -84,9 +84,9 @@ class Loop:
         self.settings.wait()
 
     def look(self) -> None:
-        """Cast all lidars as often, and copy the scans; nobody moves."""
+        """Cast all lidars as often; everybody is told to stand still."""
         for _ in range(self.steps):
-            self.simulator.place(self._worlds, self._nobody, self._poses)
+            self.simulator.advance(self._still)
         self.settings.wait()
 
     def close(self) -> None:
@@ -105,7 +105,7 @@ def _enough(action: object, settings: Settings) -> int:
 
 
 def simulation(settings: Settings) -> Iterator[Measurement]:
-    """Agent-steps a second: physics and all lidars, the state as tensors that share the simulator's memory."""
+    """Agent-steps a second: physics and all lidars; the state shares the simulator's memory."""
     cases = _cases(settings)
     for case in cases:
         yield _agent_steps(case, settings)
@@ -148,7 +148,7 @@ def _growth(settings: Settings) -> Measurement:
 
 
 def scans(settings: Settings) -> Iterator[Measurement]:
-    """Scans a second alone: the lidars of robots that stand still, copied for the caller."""
+    """Scans a second alone: the lidars of robots that stand still."""
     usual = settings.pick(Case(worlds=4, rooms=2), Case(), Case(worlds=4096))
     others = settings.pick((), (80, 400, 2000), (20, 80, 200, 400, 1000, 2000))
     cases = [usual, replace(usual, beams=1080), *(replace(usual, segments=count) for count in others)]
