@@ -1,0 +1,73 @@
+"""Sharing a step out to threads, and the live state that a step leaves."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from hpp_framework.errors import SimulatorError
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.sim.crew import FEWEST, Crew
+from hpp_framework.types import State
+
+EPISODES = 5 * FEWEST + 3
+
+
+def final_state(pair, worlds, threads: int) -> State:
+    rng = np.random.default_rng(2)
+    poses = torch.tensor(rng.uniform((-3, -3, -3), (3, 3, 3), (EPISODES, 2, 3)), dtype=torch.float32)
+    moves = torch.tensor(rng.uniform((0, -2), (1, 2), (20, EPISODES, 2, 2)), dtype=torch.float32)
+    with BatchSimulator(pair, threads=threads) as simulator:
+        simulator.reset([worlds[index % len(worlds)] for index in range(EPISODES)], poses)
+        for move in moves:
+            state = simulator.step(move)
+    return state
+
+
+def test_any_number_of_threads_gives_the_same_bits(pair, small_world, empty_world):
+    alone, *others = (final_state(pair, [small_world, empty_world], threads) for threads in (1, 2, 3))
+    assert bool(alone.collided.any())
+    for other in others:
+        for field in dataclasses.fields(State):
+            assert torch.equal(getattr(alone, field.name), getattr(other, field.name)), field.name
+
+
+def test_advance_steps_in_the_memory_of_the_simulator(pair, small_world):
+    simulators = [BatchSimulator(pair, threads=1) for _ in range(2)]
+    poses = torch.tensor([[[-2.0, 0, 0], [2, 0, 0]]])
+    command = torch.tensor([[[1.0, 0.3], [0.5, -0.2]]])
+    for simulator in simulators:
+        simulator.reset([small_world], poses)
+    live = simulators[0].advance(command)
+    for _ in range(3):
+        simulators[0].advance(command)
+    for _ in range(4):
+        copied = simulators[1].step(command)
+    for field in dataclasses.fields(State):
+        assert torch.equal(getattr(live, field.name), getattr(copied, field.name)), field.name
+
+
+@pytest.mark.parametrize("threads", [0, -1])
+def test_threads_are_positive(pair, threads):
+    with pytest.raises(SimulatorError, match="threads must be at least 1"):
+        BatchSimulator(pair, threads=threads)
+
+
+@pytest.mark.parametrize("size", [1, FEWEST, 1000])
+def test_slices_cover_everything_once(size):
+    slices = Crew(3).slices(size)
+    assert [index for start, stop in slices for index in range(start, stop)] == list(range(size))
+
+
+def test_an_error_in_a_helping_thread_is_raised():
+    def fail() -> None:
+        raise ValueError("broken")
+
+    crew = Crew(2)
+    with pytest.raises(ValueError, match="broken"):
+        crew.run([fail, fail])
+    crew.close()
+    crew.close()
