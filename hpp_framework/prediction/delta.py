@@ -86,12 +86,12 @@ def _forward(model: nn.Module, batch: Batch) -> tuple[Float[Tensor, "b c"], Floa
     """Return scaled output and target, pose before lidar."""
     assert isinstance(model, DeltaNetwork)
     frame = batch.agent_poses[:, -1]
-    local = geometry.between(frame[:, None], batch.subject_poses)
-    out = model(local, batch.scans, geometry.to_frame(frame, batch.goals))
-    change = geometry.between(frame, batch.future[:, 0]) - local[:, -1]
-    change = torch.cat([change[:, :2], geometry.wrap_angle(change[:, 2:])], 1) / model.pose_scale
+    local = geometry.between(frame[:, None], torch.cat([batch.subject_poses, batch.future[:, :1]], 1))
+    out = model(local[:, :-1], batch.scans, geometry.to_frame(frame, batch.goals))
+    change = local[:, -1] - local[:, -2]
+    change[:, 2] = geometry.wrap_angle(change[:, 2])
     seen = batch.future_scans[:, 0].clamp(max=RANGE_CAP) - batch.scans[:, -1].clamp(max=RANGE_CAP)
-    return out, torch.cat([change, seen / SCAN_SCALE], 1)
+    return out, torch.cat([change / model.pose_scale, seen.div_(SCAN_SCALE)], 1)
 
 
 def _loss(model: nn.Module, batch: Batch) -> Tensor:
