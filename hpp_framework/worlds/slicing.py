@@ -17,7 +17,7 @@ import trimesh
 from trimesh.intersections import mesh_plane
 
 from hpp_framework.errors import ConfigError
-from hpp_framework.worlds.world import Mesh, World
+from hpp_framework.worlds.world import Box, Mesh, World
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -67,28 +67,35 @@ def planar_map(world: World, *, lidar_heights: Sequence[float], body_height: flo
     Raises:
         ConfigError: if a mesh file is missing or holds no triangles.
     """
-    segments: list[FloatArray] = []
-    heights: list[tuple[float, float]] = []
-    flags: list[int] = []
-    for box in world.solid_boxes():
-        corners = box.corners()
-        segments.append(np.hstack([corners, np.roll(corners, -1, axis=0)]).astype(np.float32))
-        heights += [(box.base, box.base + box.height)] * 4
-        flags += [SEEN | TOUCHED | ONE_SIDED] * 4
+    boxes = world.solid_boxes()
+    segments = [_outlines(boxes)]
+    spans = np.array([(box.base, box.base + box.height) for box in boxes], np.float32).reshape(-1, 2)
+    heights = [np.repeat(spans, 4, axis=0)]
+    flags = [np.full(4 * len(boxes), SEEN | TOUCHED | ONE_SIDED, np.int32)]
     for mesh in world.meshes:
         for cut, span, flag in _slice_mesh(mesh, tuple(sorted(set(lidar_heights))), body_height):
             segments.append(cut)
-            heights += [span] * len(cut)
-            flags += [flag] * len(cut)
+            heights.append(np.tile(np.array(span, np.float32), (len(cut), 1)))
+            flags.append(np.full(len(cut), flag, np.int32))
     discs = np.array([(*c.center, c.radius) for c in world.cylinders], np.float32).reshape(-1, 3)
-    spans = np.array([(c.base, c.base + c.height) for c in world.cylinders], np.float32).reshape(-1, 2)
+    disc_spans = np.array([(c.base, c.base + c.height) for c in world.cylinders], np.float32).reshape(-1, 2)
     return PlanarMap(
-        segments=np.vstack(segments) if segments else np.zeros((0, 4), np.float32),
-        segment_heights=np.array(heights, np.float32).reshape(-1, 2),
-        segment_flags=np.array(flags, np.int32),
+        segments=np.concatenate(segments),
+        segment_heights=np.concatenate(heights),
+        segment_flags=np.concatenate(flags),
         discs=discs,
-        disc_heights=spans,
+        disc_heights=disc_spans,
     )
+
+
+def _outlines(boxes: Sequence[Box]) -> FloatArray:
+    """Return the sides (4 * boxes, 4) of all boxes at once, as ``Box.corners`` orders them."""
+    numbers = np.array([(*box.center, *box.size, box.yaw) for box in boxes]).reshape(-1, 5)
+    x, y, length, width, yaw = numbers.T[:, :, None]
+    along, across = np.array([-0.5, 0.5, 0.5, -0.5]) * length, np.array([-0.5, -0.5, 0.5, 0.5]) * width
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    corners = np.stack([x + cos * along - sin * across, y + sin * along + cos * across], -1)
+    return np.concatenate([corners, np.roll(corners, -1, axis=1)], -1).reshape(-1, 4).astype(np.float32)
 
 
 def solid_outlines(world: World, body_height: float) -> list[FloatArray]:

@@ -89,8 +89,8 @@ def compare(robots: tuple[RobotSpec, ...], world: World, poses: np.ndarray) -> N
         clear = steepness < 20
         assert clear.mean() > 0.5
         error = np.abs(scans[agent, : robots[agent].lidar.beams] - wanted)
-        # ranges change by the steepness times the rounding of an angle
-        assert (error <= TOLERANCE + 2e-5 * steepness)[clear].all()
+        # the eye's place is rounded too, which a flat surface shows most
+        assert (error <= TOLERANCE + 5e-5 * steepness)[clear].all()
 
 
 def random_poses(seed: int, count: int, side: float = 9.0) -> np.ndarray:
