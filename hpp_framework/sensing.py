@@ -54,9 +54,13 @@ class Sensing:
         robots: the team.
         noise: disturbances.
         rng: source of the noise.
+        history: entries that observations hold; fewer cost less.
     """
 
-    def __init__(self, robots: Sequence[RobotSpec], noise: NoiseModel, rng: torch.Generator) -> None:
+    def __init__(
+        self, robots: Sequence[RobotSpec], noise: NoiseModel, rng: torch.Generator, *, history: int = HISTORY
+    ) -> None:
+        self.history = history
         self.robots = tuple(robots)
         self.noise = noise
         self.rng = rng
@@ -67,8 +71,8 @@ class Sensing:
     def reset(self, state: State) -> None:
         """Begin histories that repeat the first measurement."""
         poses, scans = self._measure(state)
-        self._poses = poses[:, None].repeat(1, HISTORY, 1, 1, 1)
-        self._scans = [scan[:, None].repeat(1, HISTORY, 1) for scan in scans]
+        self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
+        self._scans = [scan[:, None].repeat(1, self.history, 1) for scan in scans]
         self._velocities = state.velocities
 
     def update(self, state: State) -> None:
