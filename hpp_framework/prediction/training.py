@@ -29,7 +29,9 @@ from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import child_seed, numpy_rng
 
 REPORT_EVERY = 500
-SNAPSHOT_EVERY = 10 * REPORT_EVERY
+VALIDATE_EVERY = 10 * REPORT_EVERY
+SNAPSHOT_EVERY = 2 * REPORT_EVERY
+"""Seconds apart, so that an interruption costs little."""
 VALIDATION_BATCHES = 20
 
 
@@ -61,9 +63,10 @@ class Recipe:
 def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
     """Train one model and write weights and card; returns the weights file.
 
-    A cosine schedule lowers Adam's learning rate; state is saved every few thousand steps and training
+    A cosine schedule lowers Adam's learning rate; state is saved every thousand steps and training
     resumes from it with the same batches to come; a model that is finished already is left as it is. Errors
-    on held-out worlds are reported early and at every snapshot, so that a hopeless training can be stopped.
+    on held-out worlds are reported early and then every 5,000 steps, so that a hopeless training can be
+    stopped.
 
     Raises:
         ConfigError: if ``data`` is no data set, ``agent`` or ``subject`` is not in the collected team, or
@@ -139,7 +142,7 @@ def _fit(
             total.zero_()
             counted = 0
             _report(config, file, done, f"loss {curve[-1][1]:.4f}, {(done - start) / (time() - began):.0f}/s")
-        if (done == REPORT_EVERY or done % SNAPSHOT_EVERY == 0) and not last:
+        if (done == REPORT_EVERY or done % VALIDATE_EVERY == 0) and not last:
             errors = _validate(model, data, config, recipe)
             _report(config, file, done, "", _held_out(errors, recipe))
         if done % SNAPSHOT_EVERY == 0 and not last:

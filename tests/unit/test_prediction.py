@@ -165,6 +165,7 @@ def interrupted(monkeypatch, config, *, after=30):
 
     with monkeypatch.context() as patch:
         patch.setattr(training, "SNAPSHOT_EVERY", 20)
+        patch.setattr(training, "VALIDATE_EVERY", 20)
         patch.setattr(training, "REPORT_EVERY", 10)
         patch.setattr(training, "_learn", cut)
         with pytest.raises(Stop):
