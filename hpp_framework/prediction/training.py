@@ -129,6 +129,7 @@ def _fit(
     optimiser = torch.optim.Adam(model.parameters(), lr=config.learning_rate, fused=True)
     run = _run(config, data)
     start, curve = _resume(model, optimiser, file, run)
+    _report(config, file, start, "")
     total = torch.zeros(())
     counted = 0
     began = time()
