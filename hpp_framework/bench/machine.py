@@ -30,7 +30,7 @@ class Product:
 
     def __init__(self, settings: Settings) -> None:
         self.matrix = torch.ones(SIDE, SIDE)
-        self.count = settings.pick(1, 10, 40)
+        self.count = settings.pick(1, 40, 100)
         self.operations = 2 * SIDE**3 * self.count
 
     def __call__(self) -> None:
