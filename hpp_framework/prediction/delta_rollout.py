@@ -141,17 +141,12 @@ class _Conditioned:
             wp.launch(
                 kernels.imagine,
                 dim=(episodes, (candidates + 1) // 2, len(order)),
-                inputs=[
-                    self._weights.models,
-                    self._agent,
-                    wp.array(order, dtype=int, device=device),
-                    *arrays,
-                ],
+                inputs=[self._weights.models, self._agent, order, *arrays],
                 device=device,
                 record_cmd=True,
             )
-            for order in ([self._agent], others)
-            if order
+            for order in (wp.array(robots, dtype=int, device=device) for robots in ([self._agent], others))
+            if len(order)
         ]
 
 
