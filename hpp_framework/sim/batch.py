@@ -25,7 +25,7 @@ from hpp_framework.worlds.world import World
 
 
 class BatchSimulator(Simulator):
-    """Disc robots among segments and discs; see :mod:`hpp_framework.sim.drive_kernels` for the physics.
+    """Disc robots among boxes, lines and discs; see :mod:`hpp_framework.sim.drive_kernels` for the physics.
 
     Episodes are shared out to threads; results do not depend on how many there are.
 

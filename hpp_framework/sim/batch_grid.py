@@ -19,10 +19,10 @@ from hpp_framework.kernels import wp
 from hpp_framework.sim import batch_kernels
 from hpp_framework.worlds.slicing import ONE_SIDED, SEEN, TOUCHED, PlanarMap
 
-SEEN_CONTENT = 12
+SEEN_CONTENT = 6
 """Obstacles a cell that the grids of lidars aim at: with more, more are looked at in vain; with fewer, there
 are too many cells."""
-TOUCHED_CONTENT = 3
+TOUCHED_CONTENT = 1
 """Obstacles a cell that the grids of bodies aim at."""
 MAX_CELLS = 32
 """Cells along one side of a grid, at most."""
@@ -38,15 +38,15 @@ class Layer:
     """What lies at one lidar height, or is touched by one body height, in all worlds of a pool.
 
     Attributes:
-        segments: (s, 4) x0, y0, x1, y1 in metres, lidars see them from the right.
-        segment_world: (s,) index of each segment's world.
+        boxes: (b, 6) as ``batch_kernels.Box`` has them.
+        box_world: (b,) index of each box's world.
         discs: (c, 3) x, y, radius in metres.
         disc_world: (c,) index of each disc's world.
         content: obstacles a cell that its grids aim at.
     """
 
-    segments: Floats
-    segment_world: Indices
+    boxes: Floats
+    box_world: Indices
     discs: Floats
     disc_world: Indices
     content: float
@@ -58,7 +58,7 @@ class _Gridded:
 
     grids: npt.NDArray[Any]
     cells: npt.NDArray[Any]
-    segments: Floats
+    boxes: Floats
     discs: Floats
 
 
@@ -78,15 +78,14 @@ def build_geometry(
     """
     layers = _layers(maps, seen_from, touched_below)
     gridded = [_sort(layer, len(maps)) for layer in layers]
-    cell, segment, disc = 0, 0, 0
+    cell, box, disc = 0, 0, 0
     for part in gridded:
         part.grids["first_cell"] += cell
-        part.cells["first_segment"] += segment
+        part.cells["first_box"] += box
         part.cells["first_disc"] += disc
-        cell, segment, disc = cell + len(part.cells), segment + len(part.segments), disc + len(part.discs)
+        cell, box, disc = cell + len(part.cells), box + len(part.boxes), disc + len(part.discs)
     last = np.zeros(1, gridded[0].cells.dtype)
-    last["first_segment"], last["first_disc"] = segment, disc
-    segments = np.concatenate([part.segments for part in gridded])
+    last["first_box"], last["first_disc"] = box, disc
     geometry = batch_kernels.Geometry()
     geometry.worlds = len(maps)
 
@@ -95,8 +94,8 @@ def build_geometry(
 
     geometry.grids = array(np.concatenate([part.grids for part in gridded]), batch_kernels.Grid)
     geometry.cells = array(np.concatenate([*(part.cells for part in gridded), last]), batch_kernels.Cell)
-    geometry.segments = array(segments.astype(np.float32), wp.vec4)
-    geometry.normals = array(_normals(segments).astype(np.float32), wp.vec3)
+    boxes = np.concatenate([part.boxes for part in gridded]).astype(np.float32)
+    geometry.boxes = array(boxes.view(_dtype(batch_kernels.Box))[:, 0], batch_kernels.Box)
     geometry.discs = array(np.concatenate([part.discs for part in gridded]).astype(np.float32), wp.vec3)
     return geometry
 
@@ -105,50 +104,55 @@ def _layers(
     maps: Sequence[PlanarMap], seen_from: Sequence[float], touched_below: Sequence[float]
 ) -> list[Layer]:
     segments = np.concatenate([m.segments for m in maps]).astype(np.float64)
-    heights = np.concatenate([m.segment_heights for m in maps])
-    flags = np.concatenate([m.segment_flags for m in maps])
+    one_sided = np.concatenate([m.segment_flags for m in maps]) & ONE_SIDED > 0
+    boxes = np.concatenate(
+        [_boxes(segments[one_sided][0::4], segments[one_sided][1::4]), _lines(segments[~one_sided])]
+    )
+
+    def of_each(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        return np.concatenate([values[one_sided][::4], values[~one_sided]])
+
+    heights = of_each(np.concatenate([m.segment_heights for m in maps]))
+    flags = of_each(np.concatenate([m.segment_flags for m in maps]))
+    box_world = of_each(np.repeat(np.arange(len(maps)), [len(m.segments) for m in maps]))
     discs = np.concatenate([m.discs for m in maps]).astype(np.float64)
     disc_heights = np.concatenate([m.disc_heights for m in maps])
-    segment_world = np.repeat(np.arange(len(maps)), [len(m.segments) for m in maps])
     disc_world = np.repeat(np.arange(len(maps)), [len(m.discs) for m in maps])
     layers: list[Layer] = []
     for height in seen_from:
-        level = (heights[:, 0] <= height) & (height < heights[:, 1])
-        front = (flags & SEEN > 0) & level
-        # what is seen from both sides is there twice, once each way round
-        back = front & (flags & ONE_SIDED == 0)
+        chosen = (flags & SEEN > 0) & (heights[:, 0] <= height) & (height < heights[:, 1])
         round_ = (disc_heights[:, 0] <= height) & (height < disc_heights[:, 1])
         layers.append(
-            Layer(
-                np.concatenate([segments[front], segments[back][:, [2, 3, 0, 1]]]),
-                np.concatenate([segment_world[front], segment_world[back]]),
-                discs[round_],
-                disc_world[round_],
-                SEEN_CONTENT,
-            )
+            Layer(boxes[chosen], box_world[chosen], discs[round_], disc_world[round_], SEEN_CONTENT)
         )
     for height in touched_below:
         chosen = (flags & TOUCHED > 0) & (heights[:, 0] < height)
         round_ = disc_heights[:, 0] < height
         layers.append(
-            Layer(segments[chosen], segment_world[chosen], discs[round_], disc_world[round_], TOUCHED_CONTENT)
+            Layer(boxes[chosen], box_world[chosen], discs[round_], disc_world[round_], TOUCHED_CONTENT)
         )
     return layers
 
 
-def _normals(segments: Floats) -> Floats:
-    """Return the unit normal to the right and the length (s, 3)."""
-    along = segments[:, 2:] - segments[:, :2]
-    length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)
-    return np.stack([along[:, 1] / length, -along[:, 0] / length, length], 1)
+def _boxes(first: Floats, second: Floats) -> Floats:
+    """Return rectangles (b, 6) of which two neighbouring sides (b, 4) are given."""
+    along, across = first[:, 2:] - first[:, :2], second[:, 2:] - second[:, :2]
+    length, width = np.hypot(*along.T)[:, None], np.hypot(*across.T)[:, None]
+    # a point may face anywhere
+    unit = np.where(length > 0, along / np.maximum(length, 1e-12), [1.0, 0.0])
+    return np.concatenate([first[:, :2] + (along + across) / 2, unit, length / 2, width / 2], 1)
+
+
+def _lines(segments: Floats) -> Floats:
+    """Return segments as rectangles (s, 6) without width."""
+    return _boxes(segments, segments[:, [2, 3, 2, 3]])
 
 
 def _sort(layer: Layer, worlds: int) -> _Gridded:
     """Put each obstacle into a cell and order them by it."""
-    middle = np.concatenate([(layer.segments[:, :2] + layer.segments[:, 2:]) / 2, layer.discs[:, :2]])
-    ends = layer.segments[:, 2:] - layer.segments[:, :2]
-    reach = np.concatenate([np.hypot(ends[:, 0], ends[:, 1]) / 2, layer.discs[:, 2]])
-    world = np.concatenate([layer.segment_world, layer.disc_world])
+    middle = np.concatenate([layer.boxes[:, :2], layer.discs[:, :2]])
+    reach = np.concatenate([np.hypot(layer.boxes[:, 4], layer.boxes[:, 5]), layer.discs[:, 2]])
+    world = np.concatenate([layer.box_world, layer.disc_world])
     grids, cell_size = _grids(middle, world, worlds, layer.content)
     columns, rows = grids["columns"][world], grids["rows"][world]
     place = (middle - grids["origin"][world]) * grids["cells_per_metre"][world]
@@ -159,14 +163,14 @@ def _sort(layer: Layer, worlds: int) -> _Gridded:
     cell = grids["first_cell"][world] + inside
     np.maximum.at(grids["spill"], world, np.where(long, 0, reach))
     total = int((grids["rows"] * grids["columns"] + 1).sum())
-    is_disc = np.arange(len(cell)) >= len(layer.segments)
-    by_segment = np.argsort(cell[~is_disc], kind="stable")
+    is_disc = np.arange(len(cell)) >= len(layer.boxes)
+    by_box = np.argsort(cell[~is_disc], kind="stable")
     by_disc = np.argsort(cell[is_disc], kind="stable")
     cells = np.zeros(total, _dtype(batch_kernels.Cell))
-    cells["first_segment"] = _starts(cell[~is_disc], total)
+    cells["first_box"] = _starts(cell[~is_disc], total)
     cells["first_disc"] = _starts(cell[is_disc], total)
     cells["center"], cells["radius"] = _circles(middle, reach, cell, total)
-    return _Gridded(grids, cells, layer.segments[by_segment], layer.discs[by_disc])
+    return _Gridded(grids, cells, layer.boxes[by_box], layer.discs[by_disc])
 
 
 def _grids(middle: Floats, world: Indices, worlds: int, content: float) -> tuple[npt.NDArray[Any], Floats]:

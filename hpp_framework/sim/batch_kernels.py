@@ -63,8 +63,19 @@ class Cell:
 
     center: wp.vec2
     radius: float
-    first_segment: int
+    first_box: int
     first_disc: int
+
+
+@wp.struct
+class Box:
+    """A rectangle, or a line that is met from both sides: a rectangle without width."""
+
+    center: wp.vec2
+    along: wp.vec2
+    """Unit vector along its length."""
+    half: wp.vec2
+    """Half its length and half its width."""
 
 
 @wp.struct
@@ -74,10 +85,7 @@ class Geometry:
     worlds: int
     grids: wp.array(dtype=Grid)
     cells: wp.array(dtype=Cell)
-    segments: wp.array(dtype=wp.vec4)
-    """x0, y0, x1, y1; lidars see a segment from its right-hand side."""
-    normals: wp.array(dtype=wp.vec3)
-    """The unit normal to the right, and the length."""
+    boxes: wp.array(dtype=Box)
     discs: wp.array(dtype=wp.vec3)
 
 
@@ -101,8 +109,11 @@ def bearing(x: float, y: float) -> float:
 
     The arc tangent on [0, 1] is an odd polynomial of degree 15, fitted for the least greatest error.
     """
-    larger = wp.max(wp.abs(x), wp.abs(y))
-    t = wp.min(wp.abs(x), wp.abs(y)) / wp.max(larger, 1.0e-30)
+    is_steep = wp.abs(y) > wp.abs(x)
+    larger = wp.where(is_steep, wp.abs(y), wp.abs(x))
+    smaller = wp.where(is_steep, wp.abs(x), wp.abs(y))
+    # never 0 / 0
+    t = smaller / (larger + 1.0e-30)
     z = t * t
     zz = z * z
     # in pairs: shorter chains of operations that wait for each other
@@ -114,8 +125,11 @@ def bearing(x: float, y: float) -> float:
 @wp.func
 def rough_bearing(x: float, y: float) -> float:
     """Angle of a point, within ``ROUGHLY`` of ``atan2``, at half the time of :func:`bearing`."""
-    larger = wp.max(wp.abs(x), wp.abs(y))
-    t = wp.min(wp.abs(x), wp.abs(y)) / wp.max(larger, 1.0e-30)
+    is_steep = wp.abs(y) > wp.abs(x)
+    larger = wp.where(is_steep, wp.abs(y), wp.abs(x))
+    smaller = wp.where(is_steep, wp.abs(x), wp.abs(y))
+    # never 0 / 0
+    t = smaller / (larger + 1.0e-30)
     return unfolded((0.97239411 - 0.19194795 * t * t) * t, x, y)
 
 

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from hpp_framework.sim.batch_kernels import PI, Cell, Geometry, Grid, Robot, cell_at, limit
+from hpp_framework.sim.batch_kernels import PI, Box, Cell, Geometry, Grid, Robot, cell_at, limit
 
 wp.set_module_options({"enable_backward": False})
 
@@ -16,50 +16,59 @@ CLOSE = wp.constant(1.0e-4)
 
 
 @wp.func
-def from_segment(point: wp.vec2, segment: wp.vec4, normal: wp.vec3) -> wp.vec2:
-    """Vector from the nearest point of a segment to ``point``."""
-    x = point[0] - segment[0]
-    y = point[1] - segment[1]
-    along = limit(x * -normal[1] + y * normal[0], 0.0, normal[2])
-    return wp.vec2(x + along * normal[1], y - along * normal[0])
+def from_box(point: wp.vec2, box: Box) -> wp.vec3:
+    """Unit vector away from the nearest side of a box, and the distance to it, negative inside."""
+    x = point[0] - box.center[0]
+    y = point[1] - box.center[1]
+    ahead = x * box.along[0] + y * box.along[1]
+    beside = y * box.along[0] - x * box.along[1]
+    outside = wp.vec2(wp.abs(ahead) - box.half[0], wp.abs(beside) - box.half[1])
+    away = wp.vec2(wp.max(outside[0], 0.0), wp.max(outside[1], 0.0))
+    distance = wp.length(away)
+    if distance > 0.0:
+        away = away / distance
+    else:
+        distance = wp.max(outside)
+        away = wp.where(outside[0] > outside[1], wp.vec2(1.0, 0.0), wp.vec2(0.0, 1.0))
+    ahead = wp.where(ahead < 0.0, -away[0], away[0])
+    beside = wp.where(beside < 0.0, -away[1], away[1])
+    return wp.vec3(
+        ahead * box.along[0] - beside * box.along[1], ahead * box.along[1] + beside * box.along[0], distance
+    )
 
 
 @wp.func
-def pushed_out_of_cell(index: int, body: wp.vec3, radius: float, geometry: Geometry) -> wp.vec3:
-    """Move a disc out of every obstacle of a cell that it overlaps, one after the other.
+def pushed_out_of(away: wp.vec2, overlap: float, body: wp.vec4) -> wp.vec4:
+    """Move a disc out of an obstacle, if it overlaps it.
 
     Args:
-        index: of the cell.
-        body: x and y of the disc, and its gap to what was looked at so far.
-        radius: of the disc.
-        geometry: the worlds.
+        away: unit vector away from the obstacle.
+        overlap: metres, negative for a gap.
+        body: x and y of the disc, its gap to what it was not moved out of, how often it was moved.
     """
-    point = wp.vec2(body[0], body[1])
-    gap = body[2]
-    cell = geometry.cells[index]
-    after = geometry.cells[index + 1]
-    for s in range(cell.first_segment, after.first_segment):
-        away = from_segment(point, geometry.segments[s], geometry.normals[s])
-        reach = radius + wp.max(gap, 0.0)
-        if wp.length_sq(away) < reach * reach:
-            distance = wp.length(away)
-            gap = wp.min(gap, distance - radius)
-            if distance < radius and distance > 1.0e-9:
-                point += away * ((radius - distance) / distance)
-    for c in range(cell.first_disc, after.first_disc):
-        disc = geometry.discs[c]
-        away = point - wp.vec2(disc[0], disc[1])
-        reach = disc[2] + radius + wp.max(gap, 0.0)
-        if wp.length_sq(away) < reach * reach:
-            distance = wp.length(away)
-            gap = wp.min(gap, distance - disc[2] - radius)
-            if distance < radius + disc[2] and distance > 1.0e-9:
-                point += away * ((radius + disc[2] - distance) / distance)
-    return wp.vec3(point[0], point[1], gap)
+    if overlap > 0.0:
+        return body + wp.vec4(away[0] * overlap, away[1] * overlap, -overlap, 1.0)
+    return wp.vec4(body[0], body[1], wp.min(body[2], -overlap), body[3])
 
 
 @wp.func
-def is_near(cell: Cell, body: wp.vec3, reach: float) -> bool:
+def pushed_out_of_cell(index: int, body: wp.vec4, radius: float, geometry: Geometry) -> wp.vec4:
+    """Move a disc out of every obstacle of a cell that it overlaps, one after the other."""
+    cell = geometry.cells[index]
+    after = geometry.cells[index + 1]
+    for b in range(cell.first_box, after.first_box):
+        nearest = from_box(wp.vec2(body[0], body[1]), geometry.boxes[b])
+        body = pushed_out_of(wp.vec2(nearest[0], nearest[1]), radius - nearest[2], body)
+    for c in range(cell.first_disc, after.first_disc):
+        disc = geometry.discs[c]
+        gap = wp.vec2(body[0] - disc[0], body[1] - disc[1])
+        distance = wp.max(wp.length(gap), 1.0e-9)
+        body = pushed_out_of(gap / distance, radius + disc[2] - distance, body)
+    return body
+
+
+@wp.func
+def is_near(cell: Cell, body: wp.vec4, reach: float) -> bool:
     """Return whether the circle around a cell's content comes within reach."""
     dx = cell.center[0] - body[0]
     dy = cell.center[1] - body[1]
@@ -71,10 +80,11 @@ def pushed_out(point: wp.vec2, radius: float, grid: Grid, geometry: Geometry) ->
     """Move a disc out of every obstacle it overlaps.
 
     Returns:
-        Its new x and y, and its gap to the nearest obstacle: at most ``SEARCH``, and 0 if it was moved.
+        Its new x and y, and its gap to the nearest obstacle: at most ``SEARCH``, and 0 if it may
+        have been moved into another one.
     """
     reach = radius + SEARCH
-    body = wp.vec3(point[0], point[1], SEARCH)
+    body = wp.vec4(point[0], point[1], SEARCH, 0.0)
     body = pushed_out_of_cell(grid.first_cell + grid.columns * grid.rows, body, radius, geometry)
     low = cell_at(grid, point[0] - reach - grid.spill, point[1] - reach - grid.spill)
     high = cell_at(grid, point[0] + reach + grid.spill, point[1] + reach + grid.spill)
@@ -83,7 +93,11 @@ def pushed_out(point: wp.vec2, radius: float, grid: Grid, geometry: Geometry) ->
             index = grid.first_cell + row * grid.columns + column
             if is_near(geometry.cells[index], body, reach):
                 body = pushed_out_of_cell(index, body, radius, geometry)
-    return wp.vec3(body[0], body[1], wp.max(body[2], 0.0))
+    gap = wp.max(body[2], 0.0)
+    if body[3] > 0.0:
+        # out of one obstacle and into no other: it need not be looked again before it moves
+        gap = wp.where(body[3] == 1.0 and gap > 0.0, CLOSE, 0.0)
+    return wp.vec3(body[0], body[1], gap)
 
 
 @wp.func

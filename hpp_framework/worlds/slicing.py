@@ -26,7 +26,9 @@ SEEN = 1
 TOUCHED = 2
 """Flag of a segment or disc that robots touch."""
 ONE_SIDED = 4
-"""Flag of a segment that is only met from its right-hand side (outside of a counter-clockwise outline)."""
+"""Flag of a segment that is only met from its right-hand side (outside of a counter-clockwise outline).
+
+Such segments come in fours: the sides of a box, one after the other."""
 
 BODY_SLICE_STEP = 0.1
 _NUDGE = 1e-4

@@ -121,6 +121,26 @@ def test_eyes_outside_the_grid_look_in(fetch):
         compare((robot,), world, np.array([[*place, 0.4]], np.float32))
 
 
+@pytest.mark.parametrize("yaw", [0.0, math.pi / 2, math.pi])
+def test_an_eye_on_the_axis_of_a_box_sees_its_face(fetch, yaw):
+    lidar = dataclasses.replace(fetch.lidar, field_of_view=2 * math.pi)
+    robot = dataclasses.replace(fetch, lidar=lidar)
+    sides = tuple(
+        Box(center=center, size=(0.5, 1.0), yaw=yaw) for center in ((2.0, 0.0), (-2.0, 0.0), (0.0, 2.0))
+    )
+    world = World(name="axes", bounds=(-4, -4, 4, 4), boxes=sides)
+    compare((robot,), world, np.array([[-lidar.mount[0], 0.0, 0.0]], np.float32))
+
+
+def test_a_robot_inside_a_box_leaves_it_by_the_nearest_side(fetch):
+    box = Box(center=(0.0, 0.0), size=(2.0, 2.0))
+    simulator = BatchSimulator([fetch])
+    simulator.reset([World(name="box", walled=False, boxes=(box,))], torch.tensor([[[0.9, 0.1, 0.0]]]))
+    state = simulator.step(torch.zeros(1, 1, 2))
+    assert state.poses[0, 0].tolist() == pytest.approx([1.0 + fetch.footprint_radius, 0.1, 0.0], abs=1e-4)
+    assert bool(state.collided[0, 0])
+
+
 def test_thirty_two_robots_see_each_other(pair):
     robots = tuple(pair[index % 2] for index in range(32))
     compare(robots, furnished(3, 30, 10), random_poses(5, 32))
