@@ -49,8 +49,14 @@ class Collect:
         config = Collection(trajectories=self.trajectories, world=self.world, seed=self.seed)
         check_folder(self.out)
         torch.set_num_threads(1)
+        total = config.chunks * config.chunk
+        told = 0
         with Progress() as progress:
-            bar = progress.add_task("trajectories", total=config.chunks * config.chunk)
+            bar = progress.add_task("trajectories", total=total)
             for done in collect(team, config, self.out, workers=workers):
                 progress.update(bar, completed=done)
+                # a log file shows no bar
+                if not progress.console.is_terminal and done - told >= total / 10:
+                    progress.console.print(f"{done} of {total} trajectories", highlight=False)
+                    told = done
         print(f"data: {self.out}")

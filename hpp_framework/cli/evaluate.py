@@ -69,6 +69,9 @@ class Evaluate:
                 if cell not in bars:
                     bars[cell] = progress.add_task(escape(cell), total=total)
                 progress.update(bars[cell], completed=done)
+                # a log file shows no bar
+                if not progress.console.is_terminal and done == total:
+                    progress.console.print(f"{escape(cell)}: {total} episodes", highlight=False)
 
             summary = run_experiment(experiment, self.out, progress=report)
         Console(width=TABLE_WIDTH).print(summary_table(summary))
