@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from hpp_framework.errors import CheckpointError, ConfigError
+from hpp_framework.files import replacing
 
 FORMAT = 1
 
@@ -32,15 +32,11 @@ def save_checkpoint(file: Path, weights: Mapping[str, Tensor], metadata: Mapping
     """
     described = {"format": FORMAT, **metadata}
     tensors = {name: tensor.detach().cpu().contiguous().float() for name, tensor in weights.items()}
-    temporary = file.with_suffix(".tmp")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        save_file(tensors, temporary, metadata={"card": json.dumps(described)})
-        temporary.replace(file)
+        with replacing(file) as temporary:
+            save_file(tensors, temporary, metadata={"card": json.dumps(described)})
         file.with_suffix(".json").write_text(json.dumps(described, indent=2) + "\n")
     except (SafetensorError, OSError) as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
         raise CheckpointError(cannot_write(file, error)) from error
 
 

@@ -1,8 +1,10 @@
-"""Reads files that an earlier command wrote, with errors that name the file."""
+"""Reads files that an earlier command wrote, and writes them completely or not at all."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,3 +30,26 @@ def read_json(file: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ConfigError(f"'{file}' is damaged, it holds no JSON object. {remedy}")
     return content
+
+
+@contextmanager
+def replacing(file: Path) -> Generator[Path]:
+    """Give a file to write beside ``file``, whose place it takes in the end.
+
+    If anything goes wrong it is removed, and an earlier ``file`` is kept. Missing folders are made.
+
+    Args:
+        file: what is to be written.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    temporary = file.with_name(f"{file.name}.tmp")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        temporary.replace(file)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from hpp_framework.errors import ConfigError, HppError
 from hpp_framework.evaluation.topdown import TopDown
+from hpp_framework.files import replacing
 from hpp_framework.registry import hub
 from hpp_framework.seeding import numpy_rng
 from hpp_framework.worlds.spawn import spawn_poses
@@ -122,18 +123,13 @@ def _summary(
 
 
 def _save(figure: Figure, file: Path) -> Path:
-    temporary = file.with_name(f".{file.stem}.part{file.suffix or '.png'}")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(temporary)
-        temporary.replace(file)
+        with replacing(file) as temporary:
+            figure.savefig(temporary, format=file.suffix[1:] or "png")
     except OSError as error:
         raise _unwritable(file, error) from error
     except ValueError as error:
         raise ConfigError(f"picture '{file}': {error}. Use .png, .svg or .pdf.") from error
-    finally:
-        if temporary.is_file():
-            temporary.unlink()
     return file
 
 

@@ -13,6 +13,7 @@ import torch
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.rollout import Episodes, median_ms
+from hpp_framework.files import replacing
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 
 
@@ -90,18 +91,16 @@ def read_rows(file: Path) -> list[EpisodeRow]:
 
 
 def write_rows(file: Path, rows: Sequence[EpisodeRow]) -> None:
-    """Write all rows to a temporary file and rename it, so that an interruption loses at most one chunk.
+    """Write all rows, completely or not at all: an interruption loses at most one chunk.
 
     Raises:
         ConfigError: if the file cannot be written.
     """
-    temporary = file.with_suffix(".tmp")
     try:
-        with temporary.open("w", newline="", encoding="utf-8") as stream:
+        with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.DictWriter(stream, COLUMNS)
             writer.writeheader()
             writer.writerows(asdict(row) for row in rows)
-        temporary.replace(file)
     except OSError as error:
         raise ConfigError(
             f"cannot write '{file}': {error.strerror}. Finished episodes are kept; resume later."

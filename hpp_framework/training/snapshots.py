@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from hpp_framework.checkpoints import cannot_write, require_same_run
 from hpp_framework.errors import CheckpointError, ConfigError
-from hpp_framework.files import read_json
+from hpp_framework.files import read_json, replacing
 
 SNAPSHOT = "resume.zip"
 RUN = "resume.json"
@@ -79,12 +78,8 @@ def remove_snapshot(out: Path) -> None:
 
 
 def _replace(file: Path, content: bytes) -> None:
-    temporary = file.with_name(f"{file.name}.tmp")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        temporary.replace(file)
+        with replacing(file) as temporary:
+            temporary.write_bytes(content)
     except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
         raise CheckpointError(cannot_write(file, error)) from error

@@ -90,7 +90,7 @@ def test_read_only_folder(capsys):
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 def test_full_disk(tmp_path, monkeypatch, capsys):
-    (tmp_path / "episodes.tmp").symlink_to("/dev/full")
+    (tmp_path / "episodes.csv.tmp").symlink_to("/dev/full")
     with pytest.raises(SystemExit) as stop:
         main(f"evaluate --worlds simple --planners centralized-mp --episodes 1 --out {tmp_path}".split())
     assert stop.value.code == 2
