@@ -6,13 +6,13 @@ import os
 import platform
 import sys
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from hpp_framework.bench.measurement import Measurement, Settings, rates, timed
+from hpp_framework.versions import installed
 from hpp_framework.workers import available_cores
 
 PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "stable-baselines3")
@@ -70,17 +70,10 @@ def describe_machine(device: str) -> dict[str, Any]:
         "device": torch.cuda.get_device_name() if device.startswith("cuda") else "cpu",
         "system": platform.platform(),
         "python": platform.python_version(),
-        "versions": {name: _version(name) for name in PACKAGES},
+        "versions": {name: number or "not installed" for name, number in installed(PACKAGES).items()},
         "threads_variable": os.environ.get("OMP_NUM_THREADS", ""),
         "command": " ".join(["hpp", *sys.argv[1:]]),
     }
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def _processor() -> str:

@@ -6,10 +6,11 @@ import platform
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 
 from rich.console import Console
 from rich.markup import escape
+
+from hpp_framework.versions import installed
 
 PACKAGES = (
     "hpp-framework", "torch", "numpy", "gymnasium", "pettingzoo", "stable-baselines3", "warp-lang", "sapien",
@@ -54,13 +55,9 @@ def _python() -> Finding:
 
 
 def _packages() -> Finding:
-    found: list[str] = []
-    missing: list[str] = []
-    for name in PACKAGES:
-        try:
-            found.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            missing.append(name)
+    versions = installed(PACKAGES)
+    found = [f"{name} {number}" for name, number in versions.items() if number is not None]
+    missing = [name for name, number in versions.items() if number is None]
     remedy = f"pip install {' '.join(missing)}" if missing else ""
     return Finding("packages", ", ".join(found), fine=not missing, remedy=remedy)
 

@@ -10,12 +10,12 @@ import hashlib
 import json
 import platform
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.files import read_json
+from hpp_framework.versions import installed
 from hpp_framework.worlds.loader import SUFFIXES, load_world
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"
@@ -39,7 +39,7 @@ def record(command: str, experiment: Mapping[str, Any], planner_configs: Mapping
         **experiment,
         "command": command,
         "world_files": digests(experiment["worlds"]),
-        "versions": versions(),
+        "versions": {"python": platform.python_version(), **installed(PACKAGES)},
         "planner_configs": dict(planner_configs),
     }
     return json.loads(json.dumps(content, default=str))
@@ -56,17 +56,6 @@ def digests(worlds: Sequence[str]) -> dict[str, str]:
         if name.lower().endswith(SUFFIXES):
             files = [Path(name), *(mesh.file for mesh in load_world(Path(name)).meshes)]
             found[name] = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-    return found
-
-
-def versions() -> dict[str, str | None]:
-    """Return the versions of Python and of :data:`PACKAGES`, None for a package that is missing."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = None
     return found
 
 
