@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from hpp_framework.worlds.slicing import planar_map, solid_outlines
-from hpp_framework.worlds.world import World
+from hpp_framework.worlds.world import World, box_corners
 
 RESOLUTION = 0.05
 
@@ -97,8 +97,8 @@ def free_space(world: World, *, body_height: float, resolution: float = RESOLUTI
     blocked[[0, -1], :] = 1
     blocked[:, [0, -1]] = 1
     to_pixel = _PixelGrid(np.array([x_min, y_min], np.float64), resolution)
-    boxes = [box.corners() for box in world.boxes if box.base < body_height]
-    for corners in to_pixel(np.array(boxes).reshape(-1, 4, 2)):
+    boxes = [box for box in world.boxes if box.base < body_height]
+    for corners in to_pixel(box_corners(boxes)):
         cv2.fillPoly(blocked, [corners], 1, shift=to_pixel.shift)
     cv2.polylines(blocked, list(to_pixel(segments.reshape(-1, 2, 2))), False, 1, shift=to_pixel.shift)
     for lines in solid_outlines(world, body_height):

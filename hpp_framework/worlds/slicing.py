@@ -17,7 +17,7 @@ import trimesh
 from trimesh.intersections import mesh_plane
 
 from hpp_framework.errors import ConfigError
-from hpp_framework.worlds.world import Box, Mesh, World
+from hpp_framework.worlds.world import Box, Mesh, World, box_corners
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -91,12 +91,8 @@ def planar_map(world: World, *, lidar_heights: Sequence[float], body_height: flo
 
 
 def _outlines(boxes: Sequence[Box]) -> FloatArray:
-    """Return the sides (4 * boxes, 4) of all boxes at once, as ``Box.corners`` orders them."""
-    numbers = np.array([(*box.center, *box.size, box.yaw) for box in boxes]).reshape(-1, 5)
-    x, y, length, width, yaw = numbers.T[:, :, None]
-    along, across = np.array([-0.5, 0.5, 0.5, -0.5]) * length, np.array([-0.5, -0.5, 0.5, 0.5]) * width
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    corners = np.stack([x + cos * along - sin * across, y + sin * along + cos * across], -1)
+    """Return the sides (4 * boxes, 4) of all boxes at once, in the order of their corners."""
+    corners = box_corners(boxes)
     return np.concatenate([corners, np.roll(corners, -1, axis=1)], -1).reshape(-1, 4).astype(np.float32)
 
 
