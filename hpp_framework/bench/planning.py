@@ -31,7 +31,6 @@ Plan = Callable[[], object]
 
 def planning(settings: Settings) -> Iterator[Measurement]:
     """Latency of one agent's plan on one core, and of a batch of episodes planned together."""
-    torch.set_num_threads(1)
     for preset in PRESETS:
         yield from _over_team_size(preset, settings)
         yield from _over_batch(preset, settings)

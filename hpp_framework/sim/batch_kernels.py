@@ -90,12 +90,6 @@ class Geometry:
 
 
 @wp.func
-def limit(value: float, low: float, high: float) -> float:
-    """Clamp a value."""
-    return wp.min(wp.max(value, low), high)
-
-
-@wp.func
 def unfolded(angle: float, x: float, y: float) -> float:
     """Angle of (x, y), given that of the larger and the smaller of their absolute values."""
     angle = wp.where(wp.abs(y) > wp.abs(x), 0.5 * PI - angle, angle)
@@ -136,6 +130,6 @@ def rough_bearing(x: float, y: float) -> float:
 @wp.func
 def cell_at(grid: Grid, x: float, y: float) -> wp.vec2i:
     """Column and row of the cell at a place, or of the nearest one."""
-    column = limit((x - grid.origin[0]) * grid.cells_per_metre[0], 0.0, float(grid.columns - 1))
-    row = limit((y - grid.origin[1]) * grid.cells_per_metre[1], 0.0, float(grid.rows - 1))
+    column = wp.clamp((x - grid.origin[0]) * grid.cells_per_metre[0], 0.0, float(grid.columns - 1))
+    row = wp.clamp((y - grid.origin[1]) * grid.cells_per_metre[1], 0.0, float(grid.rows - 1))
     return wp.vec2i(int(column), int(row))

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from hpp_framework.sim.batch_kernels import PI, Box, Cell, Geometry, Grid, Robot, cell_at, limit
+from hpp_framework.sim.batch_kernels import PI, Box, Cell, Geometry, Grid, Robot, cell_at
 
 wp.set_module_options({"enable_backward": False})
 
@@ -115,10 +115,10 @@ def advance(
     theta = poses[episode, i, 2]
     v_old = velocities[episode, i, 0]
     w_old = velocities[episode, i, 1]
-    v_goal = limit(commands[episode, i, 0], robot.speed_min, robot.speed_max)
-    w_goal = limit(commands[episode, i, 1], -robot.turn_rate, robot.turn_rate)
-    v = v_old + limit(v_goal - v_old, -robot.acceleration * dt, robot.acceleration * dt)
-    w = w_old + limit(w_goal - w_old, -robot.turn_acceleration * dt, robot.turn_acceleration * dt)
+    v_goal = wp.clamp(commands[episode, i, 0], robot.speed_min, robot.speed_max)
+    w_goal = wp.clamp(commands[episode, i, 1], -robot.turn_rate, robot.turn_rate)
+    v = v_old + wp.clamp(v_goal - v_old, -robot.acceleration * dt, robot.acceleration * dt)
+    w = w_old + wp.clamp(w_goal - w_old, -robot.turn_acceleration * dt, robot.turn_acceleration * dt)
     turn = 0.5 * (w_old + w) * dt
     ahead = 0.5 * (v_old + v) * dt
     heading = theta + 0.5 * turn
@@ -234,4 +234,4 @@ def drive(
                 travelled = wp.vec2(poses[episode, i, 0], poses[episode, i, 1]) - before[episode, i]
                 along = wp.dot(travelled, wp.vec2(wp.cos(theta), wp.sin(theta))) / dt
                 v = velocities[episode, i, 0]
-                velocities[episode, i, 0] = limit(along, wp.min(v, 0.0), wp.max(v, 0.0))
+                velocities[episode, i, 0] = wp.clamp(along, wp.min(v, 0.0), wp.max(v, 0.0))
