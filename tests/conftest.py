@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import jaxtyping
@@ -98,3 +99,15 @@ def rng() -> np.random.Generator:
 def torch_rng() -> torch.Generator:
     """Return a fresh torch generator with a fixed seed."""
     return torch.Generator().manual_seed(0)
+
+
+@pytest.fixture
+def tiny_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Train the skill ``p2p`` with two robots in one world, and judge it by two steps."""
+    from hpp_skills.p2p import train
+
+    from hpp_framework.evaluation.skill import evaluate_skill
+
+    monkeypatch.setattr(train, "ROBOTS", 2)
+    monkeypatch.setattr(train, "WORLDS", 1)
+    monkeypatch.setattr(train, "evaluate_skill", partial(evaluate_skill, episodes=1, steps=2))

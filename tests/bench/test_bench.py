@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-from functools import partial
 
 import pytest
 import torch
-from hpp_skills.p2p import train as p2p
 
 from hpp_framework.bench import suite
 from hpp_framework.bench.measurement import Measurement, Settings, SkippedError, ratios, timed
@@ -16,16 +14,8 @@ from hpp_framework.bench.report import number, table, write
 from hpp_framework.bench.suite import BENCHMARKS, Result, run_benchmark
 from hpp_framework.cli.bench import Bench
 from hpp_framework.cli.main import main
-from hpp_framework.evaluation.skill import evaluate_skill
 
 TINY = Settings(scale="tiny", threads=1)
-
-
-@pytest.fixture
-def tiny_training(monkeypatch):
-    monkeypatch.setattr(p2p, "ROBOTS", 2)
-    monkeypatch.setattr(p2p, "WORLDS", 1)
-    monkeypatch.setattr(p2p, "evaluate_skill", partial(evaluate_skill, episodes=1, steps=2))
 
 
 @pytest.fixture

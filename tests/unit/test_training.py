@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-from functools import partial
 
 import pytest
 import torch
@@ -14,20 +13,15 @@ from hpp_skills.p2p import train as p2p
 from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
 from hpp_framework.cli.main import main
 from hpp_framework.errors import CheckpointError, ConfigError
-from hpp_framework.evaluation.skill import evaluate_skill
 from hpp_framework.files import read_json
 from hpp_framework.skill import SkillTraining
 from hpp_framework.training import ppo
 
-pytestmark = pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:You have specified a mini-batch size"),
+    pytest.mark.usefixtures("tiny_training"),
+]
 STEPS = 128
-
-
-@pytest.fixture(autouse=True)
-def tiny(monkeypatch):
-    monkeypatch.setattr(p2p, "ROBOTS", 2)
-    monkeypatch.setattr(p2p, "WORLDS", 1)
-    monkeypatch.setattr(p2p, "evaluate_skill", partial(evaluate_skill, episodes=1, steps=2))
 
 
 @pytest.fixture
