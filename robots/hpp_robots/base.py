@@ -1,7 +1,8 @@
-"""What Fetch and Freight share: one mobile base, one SICK TIM571, the paper's drive limits.
+"""What Fetch and Freight share: one mobile base, one SICK TIM571, two sets of drive limits.
 
-All numbers are facts from Fetch Robotics' published robot description (fetch_ros, melodic, URDF 0.8.3), the
-SICK TIM571 data sheet, and appendix C.1 of the paper (Wang et al., CoRL 2020).
+All numbers are facts from Fetch Robotics' published robot description (fetch_ros, melodic, URDF 0.8.3) and
+configuration (fetch_robots), the SICK TIM571 data sheet, and appendix C.1 of the paper (Wang et al., CoRL
+2020).
 """
 
 from __future__ import annotations
@@ -25,6 +26,13 @@ BASE_HEIGHT = 0.3589 + FLOOR_GAP
 
 PAPER_DRIVE = DriveLimits(speed=(0.0, 1.0), turn_rate=3.0, acceleration=0.4, turn_acceleration=1.48)
 """Appendix C.1: v in [0, 1] m/s, omega in [-3, 3] rad/s, 0.4 m/s^2, 1.48 rad/s^2."""
+
+FETCH_DRIVE = DriveLimits(speed=(0.0, 1.0), turn_rate=4.5, acceleration=0.75, turn_acceleration=3.0)
+"""Fetch's own limits: 1.0 m/s and 0.75 m/s^2 (fetch_robots, Fetch's bringup), 4.5 rad/s and 3.0 rad/s^2
+(defaults of robot_controllers' base controller). Forward only, as in the paper: it does not see behind it."""
+
+FREIGHT_DRIVE = DriveLimits(speed=(0.0, 1.5), turn_rate=4.5, acceleration=2.0, turn_acceleration=3.0)
+"""Freight's own limits: 1.5 m/s and 2.0 m/s^2 (fetch_robots, Freight's bringup), turning as Fetch."""
 
 LIDAR = Lidar(
     beams=222,  # appendix C.1

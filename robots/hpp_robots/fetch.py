@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from itertools import pairwise
 
@@ -55,6 +56,20 @@ def fetch() -> RobotSpec:
         mass=121.3,  # URDF
         body=body,
         sources=("fetch_ros melodic fetch.urdf", "Wang et al. 2020, appendix C.1", "SICK TIM571 data sheet"),
+    )
+
+
+def fetch_real() -> RobotSpec:
+    """Return Fetch under its own published drive limits."""
+    return dataclasses.replace(
+        fetch(),
+        name="fetch-real",
+        drive=base.FETCH_DRIVE,
+        sources=(
+            "fetch_ros melodic fetch.urdf",
+            "fetch_robots bringup and robot_controllers: drive limits",
+            "SICK TIM571 data sheet",
+        ),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from hpp_framework.robot import Part, RobotSpec
 from hpp_robots import base
 
@@ -24,6 +26,20 @@ def freight() -> RobotSpec:
         sources=(
             "fetch_ros melodic freight.urdf",
             "Wang et al. 2020, appendix C.1",
+            "SICK TIM571 data sheet",
+        ),
+    )
+
+
+def freight_real() -> RobotSpec:
+    """Return Freight under its own published drive limits."""
+    return dataclasses.replace(
+        freight(),
+        name="freight-real",
+        drive=base.FREIGHT_DRIVE,
+        sources=(
+            "fetch_ros melodic freight.urdf",
+            "fetch_robots bringup and robot_controllers: drive limits",
             "SICK TIM571 data sheet",
         ),
     )

@@ -10,23 +10,46 @@ import pytest
 from hpp_robots import base
 
 from hpp_framework.errors import ConfigError
+from hpp_framework.registry import hub
 from hpp_framework.robot import DriveLimits, Lidar, RobotSpec
 
 WHEEL_RADIUS, WHEEL_CENTRE = 0.0605, 0.0553
 """URDF 0.8.3: wheel joint height; radius 1 / 16.5289 of the drive's gear."""
 
 
-@pytest.fixture(params=["fetch", "freight"])
+@pytest.fixture(params=["fetch", "fetch-real", "freight", "freight-real"])
 def robot(request) -> RobotSpec:
+    return hub().robots.create(request.param)
+
+
+@pytest.fixture(params=["fetch", "freight"])
+def paper_robot(request) -> RobotSpec:
     return request.getfixturevalue(request.param)
 
 
-def test_drive_limits_are_the_papers(robot):
+def test_drive_limits_are_the_papers(paper_robot):
     # Wang et al. 2020, appendix C.1
-    assert robot.drive == DriveLimits(
+    assert paper_robot.drive == DriveLimits(
         speed=(0.0, 1.0), turn_rate=3.0, acceleration=0.4, turn_acceleration=1.48
     )
-    assert math.degrees(robot.drive.turn_acceleration) == pytest.approx(85, abs=0.3)
+    assert math.degrees(paper_robot.drive.turn_acceleration) == pytest.approx(85, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "acceleration"), [("fetch-real", 1.0, 0.75), ("freight-real", 1.5, 2.0)]
+)
+def test_drive_limits_are_the_published_ones(name, speed, acceleration):
+    # fetch_robots' bringup of each robot; turning: defaults of robot_controllers' base controller
+    assert hub().robots.create(name).drive == DriveLimits(
+        speed=(0.0, speed), turn_rate=4.5, acceleration=acceleration, turn_acceleration=3.0
+    )
+
+
+@pytest.mark.parametrize("name", ["fetch", "freight"])
+def test_robots_with_their_own_limits_have_the_same_body(name, request):
+    paper, real = request.getfixturevalue(name), hub().robots.create(f"{name}-real")
+    assert real.name == f"{name}-real"
+    assert dataclasses.replace(real, name=name, drive=paper.drive) == paper
 
 
 def test_lidar_is_the_papers_and_the_data_sheets(robot):
@@ -71,7 +94,8 @@ def test_masses_and_heights(fetch, freight):
 
 def test_numbers_name_their_sources(robot):
     assert any("urdf" in source for source in robot.sources)
-    assert any("Wang et al. 2020" in source for source in robot.sources)
+    drive = "fetch_robots" if robot.name.endswith("-real") else "Wang et al. 2020"
+    assert any(drive in source for source in robot.sources)
     assert any("TIM571" in source for source in robot.sources)
 
 
