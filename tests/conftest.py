@@ -19,6 +19,7 @@ UNCHECKED = {
     "hpp_framework.sim.lidar_kernels",
     "hpp_framework.prediction.delta_kernels",
     "hpp_framework.prediction.depth_kernels",
+    "hpp_framework.worlds.geodesic_kernels",
 }
 
 

@@ -12,12 +12,12 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from hpp_framework.crew import Crew, Job
 from hpp_framework.errors import SimulatorError
 from hpp_framework.kernels import wp
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sim import batch_kernels, drive_kernels, lidar_kernels
 from hpp_framework.sim.batch_grid import build_geometry
-from hpp_framework.sim.crew import Crew, Job
 from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS, Simulator
 from hpp_framework.types import State
 from hpp_framework.worlds.slicing import planar_map

@@ -10,7 +10,7 @@ import torch
 
 from hpp_framework.errors import SimulatorError
 from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.crew import FEWEST, Crew
+from hpp_framework.crew import FEWEST, Crew
 from hpp_framework.types import State
 
 EPISODES = 5 * FEWEST + 3

@@ -1,4 +1,4 @@
-"""Threads that share out the launches of a step."""
+"""Threads that share out the launches of kernels."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Crew:
             _work(left)
             return
         if self._others is None:
-            self._others = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="simulator")
+            self._others = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="crew")
         futures = [self._others.submit(_work, left) for _ in range(helpers)]
         _work(left)
         for future in futures:
