@@ -55,6 +55,9 @@ class Sensing:
         noise: disturbances.
         rng: source of the noise.
         history: entries that observations hold; fewer cost less.
+
+    Attributes:
+        intensity: share of the noise that each episode has (b,), or None for all of it.
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class Sensing:
         self.robots = tuple(robots)
         self.noise = noise
         self.rng = rng
+        self.intensity: Tensor | None = None
         self._poses: Tensor = torch.empty(0)
         self._scans: list[Tensor] = []
         self._velocities: Tensor = torch.empty(0)
@@ -117,18 +121,25 @@ class Sensing:
         poses = state.poses[:, None].repeat(1, count, 1, 1)
         if self.noise.position_std or self.noise.heading_std:
             std = poses.new_tensor([self.noise.position_std, self.noise.position_std, self.noise.heading_std])
-            poses = poses + self._normal(poses) * std
+            poses = poses + self._normal(poses) * self._scaled(std, poses)
         return poses, [self._scan(state.scans[:, i, : r.lidar.beams], r) for i, r in enumerate(self.robots)]
 
     def _scan(self, scan: Tensor, robot: RobotSpec) -> Tensor:
         std = robot.lidar.noise_std if self.noise.scan_std is None else self.noise.scan_std
         if std:
             hit = scan < robot.lidar.max_range
-            scan = torch.where(hit, scan + std * self._normal(scan), scan)
+            scan = torch.where(hit, scan + self._scaled(std, scan) * self._normal(scan), scan)
         if self.noise.dropout:
-            lost = torch.rand(scan.shape, generator=self.rng).to(scan) < self.noise.dropout
+            lost = torch.rand(scan.shape, generator=self.rng).to(scan) < self._scaled(
+                self.noise.dropout, scan
+            )
             scan = scan.masked_fill(lost, robot.lidar.max_range)
         return scan.clamp(robot.lidar.min_range, robot.lidar.max_range)
+
+    def _scaled(self, strength: Tensor | float, like: Tensor) -> Tensor | float:
+        if self.intensity is None:
+            return strength
+        return self.intensity.to(like).reshape(-1, *[1] * (like.dim() - 1)) * strength
 
     def _normal(self, like: Tensor) -> Tensor:
         return torch.randn(like.shape, generator=self.rng).to(like)

@@ -7,7 +7,7 @@ sub-environments share a world and are moving obstacles to each other.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium as gym
@@ -18,6 +18,7 @@ from gymnasium.vector import AutoresetMode
 from torch import Tensor
 
 from hpp_framework import geometry
+from hpp_framework.envs.journeys import Journeys
 from hpp_framework.envs.spaces import (
     MAX_GOAL_DISTANCE,
     command_space,
@@ -32,12 +33,15 @@ from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import child_seed, torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.types import State
 from hpp_framework.worlds.pool import WorldPool, build_pool
 from hpp_framework.worlds.world import World
 
-CANDIDATES = 16
-"""Free points that starts and goals are picked from."""
+START_GAP = 0.3
+"""Smallest gap between two footprints at the start, in metres."""
+GUIDE = 5
+"""Numbers in the observation ``guide`` of a practice."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +54,9 @@ class PointToPoint:
         rest_speed: forward speed below which the robot is at rest, m/s.
         dwell: consecutive steps at rest at the goal that end an episode with success.
         max_steps: control steps before an episode is truncated (150 are 30 s).
-        progress: reward for each metre of straight-line progress.
+        progress: reward for each metre of progress, straight or along the way if the pool knows ways.
         arrival: reward for success.
+        collision: reward for touching something after not touching anything.
         touch: reward for each step in contact.
         step: reward for each step.
         turn: reward for each rad/s of turn rate and step.
@@ -65,17 +70,53 @@ class PointToPoint:
     max_steps: int = 150
     progress: float = 1.0
     arrival: float = 3.0
+    collision: float = 0.0
     touch: float = -0.4
     step: float = -0.02
     turn: float = -0.005
     linger: float = 0.3
 
 
-def observation_space(robot: RobotSpec) -> gym.Space[Any]:
-    """Return the space of one robot: scan (m), goal (distance m, bearing rad), velocity (m/s, rad/s)."""
-    return gym.spaces.Dict(
-        {"scan": scan_space(robot), "goal": goal_space(), "velocity": command_space(robot)}
+@dataclass(frozen=True, kw_only=True)
+class Practice:
+    """What is harder in training than in the plain problem, drawn anew with each world.
+
+    Observations get an entry ``guide`` for a critic, which no skill sees: metres to go along the way in tens,
+    cosine and sine of the way's bearing, the share of time left, and the strength of the disturbances.
+
+    Attributes:
+        noise: strongest disturbances; a world has a share of them between 0 and 1.
+        late: share of worlds in which commands take effect one control period late.
+        weakest_drive: smallest share of the top speeds and accelerations that a robot has.
+        end_on_touch: share of touches that end an episode as a failure.
+    """
+
+    noise: NoiseModel = field(
+        default_factory=lambda: NoiseModel(position_std=0.06, heading_std=0.06, scan_std=0.03, dropout=0.08)
     )
+    late: float = 0.1
+    weakest_drive: float = 0.8
+    end_on_touch: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("late", "weakest_drive", "end_on_touch"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ConfigError(f"practice: {name} is a share between 0 and 1, got {getattr(self, name)}.")
+
+
+def observation_space(robot: RobotSpec, *, guided: bool = False) -> gym.Space[Any]:
+    """Return the space of one robot: scan (m), goal (distance m, bearing rad), velocity (m/s, rad/s).
+
+    Args:
+        robot: the robot.
+        guided: whether there is an entry ``guide`` (see :class:`Practice`).
+    """
+    parts: dict[str, gym.Space[Any]] = {
+        "scan": scan_space(robot), "goal": goal_space(), "velocity": command_space(robot)
+    }  # fmt: skip
+    if guided:
+        parts["guide"] = gym.spaces.Box(-np.inf, np.inf, (GUIDE,), np.float32)
+    return gym.spaces.Dict(parts)
 
 
 class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
@@ -95,6 +136,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         unit_actions: whether actions lie in [-1, 1] and are scaled to the drive limits, or are m/s and rad/s.
         autoreset: whether a robot whose episode ended begins the next in the same step (Gymnasium's
             ``SAME_STEP``); else everybody waits for :meth:`reset`.
+        practice: disturbances of training instead of ``noise``, or None.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012  # Gymnasium's own form
@@ -114,6 +156,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         pool: WorldPool | None = None,
         unit_actions: bool = False,
         autoreset: bool = True,
+        practice: Practice | None = None,
     ) -> None:
         if robots_per_world < 1 or num_envs < 1 or num_envs % robots_per_world:
             raise ConfigError(
@@ -128,15 +171,18 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.started = False
         self.robot = hub().robots.create(robot) if isinstance(robot, str) else robot
         self.problem = problem or PointToPoint()
-        self.noise = noise or NoiseModel()
+        self.practice = practice
+        self.noise = practice.noise if practice else noise or NoiseModel()
         self.num_envs = num_envs
         self.worlds_count = num_envs // robots_per_world
         self.robots_per_world = robots_per_world
         self.pool = pool or build_pool(world, pool_size, [self.robot], seed=seed)
-        self._points = torch.from_numpy(self.pool.points)
+        shape = (self.worlds_count, robots_per_world)
+        gap = 2 * self.robot.footprint_radius + START_GAP
+        self.journeys = Journeys(self.pool, shape, self.problem.goal_distance, gap)
         self.simulator = BatchSimulator([self.robot] * robots_per_world, device=device)
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
-        self.single_observation_space = observation_space(self.robot)
+        self.single_observation_space = observation_space(self.robot, guided=practice is not None)
         self.single_action_space = unit_space() if unit_actions else command_space(self.robot)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, num_envs)
         self.action_space = gym.vector.utils.batch_space(self.single_action_space, num_envs)
@@ -169,13 +215,15 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
             self._seed(int(seed))
         self.started = True
         shape = (self.worlds_count, self.robots_per_world)
-        self._world_index = torch.zeros(shape[0], dtype=torch.int64)
-        self._goals = torch.zeros(*shape, 2)
+        self._touching = torch.zeros(shape, dtype=torch.bool)
+        self._late = torch.zeros(shape[0], dtype=torch.bool)
+        self._drive = torch.ones(shape[0])
+        self._last_commands = torch.zeros(*shape, 2)
         self._dwelt = torch.zeros(shape, dtype=torch.int64)
         self._age = torch.zeros(shape, dtype=torch.int64)
         state = self._restart(torch.ones(shape, dtype=torch.bool), torch.full((*shape, 3), 1e6))
         self._sensing.reset(state)
-        self._distance = self._goal_distance(state)
+        self._left = self.journeys.left(state.poses.cpu())
         return self._observe(), {}
 
     def _reset_some(self, mask: object) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -198,35 +246,36 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
             actions: (num_envs, 2), in -1..1 or m/s and rad/s.
 
         Returns:
-            Observations, rewards, which robots arrived, which ran out of time, and info: ``touched``, and if
-            an episode ended ``final_obs`` (an array of one observation a robot, None where its episode goes
-            on) and ``final_info``.
+            Observations, rewards, which robots arrived (or failed, in practice), which ran out of time, and
+            info: ``touched``, and if an episode ended ``final_obs`` (an array of one observation a robot,
+            None where its episode goes on) and ``final_info``.
 
         Raises:
             SimulatorError: before the first reset, or if actions are not finite or have the wrong shape.
         """
-        state = self.simulator.step(self._commands(actions))
-        reward, success = self._score(state)
-        truncated = (self._age >= self.problem.max_steps) & ~success
-        ended = success | truncated
+        state = self.simulator.step(self._disturbed(self._commands(actions)))
+        reward, success, failed = self._score(state)
+        terminated = success | failed
+        truncated = (self._age >= self.problem.max_steps) & ~terminated
+        ended = terminated | truncated
         # a world is redrawn when its first robot ends, which cuts the others short
-        truncated |= ended[:, :1] & ~success
+        truncated |= ended[:, :1] & ~terminated
         ended |= truncated
         self._sensing.update(state)
         info: dict[str, Any] = {"touched": state.collided.reshape(-1).cpu().numpy()}
         if self.autoreset and bool(ended.any()):
             info.update(self._final(ended, success))
             self._begin(ended, state)
-        reward_np, success_np, truncated_np = (
-            flag.reshape(-1).cpu().numpy() for flag in (reward, success, truncated)
+        reward_np, terminated_np, truncated_np = (
+            flag.reshape(-1).cpu().numpy() for flag in (reward, terminated, truncated)
         )
-        return self._observe(), reward_np, success_np, truncated_np, info
+        return self._observe(), reward_np, terminated_np, truncated_np, info
 
     def scene(self, index: int) -> tuple[World, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         """Return the world of one robot, and true poses (m, 3) and goals (m, 2) of all who share it."""
         row = index // self.robots_per_world
-        world = self.pool.worlds[int(self._world_index[row])]
-        return world, self.simulator.state().poses[row].cpu().numpy(), self._goals[row].numpy().copy()
+        world = self.pool.worlds[int(self.journeys.world_index[row])]
+        return world, self.simulator.state().poses[row].cpu().numpy(), self.journeys.goals[row].numpy().copy()
 
     def _commands(self, actions: npt.NDArray[Any]) -> Tensor:
         if not self.started:
@@ -239,6 +288,19 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         if self.unit_actions:
             given = from_unit(given, command_space(self.robot))
         return torch.as_tensor(given).reshape(self.worlds_count, self.robots_per_world, 2)
+
+    def _disturbed(self, commands: Tensor) -> Tensor:
+        """Return what the drives make of commands."""
+        if not self.practice:
+            return commands
+        given = commands
+        commands = torch.where(self._late[:, None, None], self._last_commands, commands)
+        self._last_commands = given
+        drive, share = self.robot.drive, self._drive[:, None, None]
+        top = torch.tensor([drive.speed[1], drive.turn_rate]) * share
+        change = torch.tensor([drive.acceleration, drive.turn_acceleration]) * share * CONTROL_PERIOD
+        now = self._velocities
+        return commands.minimum(top).maximum(-top).maximum(now - change).minimum(now + change)
 
     def _final(self, ended: Tensor, success: Tensor) -> dict[str, Any]:
         """Return what is known of episodes that just ended, in the form Gymnasium's vector wrappers read."""
@@ -258,80 +320,78 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         """Begin new episodes of the chosen robots (worlds, robots)."""
         fresh = self._restart(chosen, state.poses.cpu())
         self._sensing.restart(fresh, chosen)
-        self._distance = self._goal_distance(fresh)
+        self._left = self.journeys.left(fresh.poses.cpu())
 
-    def _score(self, state: State) -> tuple[Tensor, Tensor]:
+    def _score(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
         p = self.problem
         self._age += 1
-        distance = self._goal_distance(state)
-        at_rest = (distance < p.goal_radius) & (state.velocities[..., 0].abs().cpu() < p.rest_speed)
+        poses, touching = state.poses.cpu(), state.collided.cpu()
+        speed, turn_rate = state.velocities.cpu().abs().unbind(-1)
+        left = self.journeys.left(poses)
+        at_rest = (self.journeys.straight(poses) < p.goal_radius) & (speed < p.rest_speed)
         self._dwelt = torch.where(at_rest, self._dwelt + 1, 0)
         success = self._dwelt >= p.dwell
+        collided = touching & ~self._touching
+        failed = torch.zeros_like(collided)
+        if self.practice:
+            ends = torch.rand(collided.shape, generator=self.rng) < self.practice.end_on_touch
+            failed = collided & ends & ~success
         reward = (
-            p.progress * (self._distance - distance)
+            p.progress * (self._left - left)
             + p.arrival * success
             + p.linger * at_rest
-            + p.touch * state.collided.cpu()
+            + p.collision * collided
+            + p.touch * touching
             + p.step
-            + p.turn * state.velocities[..., 1].abs().cpu()
+            + p.turn * turn_rate
         )
-        self._distance = distance
-        return reward, success
-
-    def _goal_distance(self, state: State) -> Tensor:
-        return (state.poses[..., :2].cpu() - self._goals).norm(dim=-1)
+        self._left, self._touching = left, touching
+        self._velocities = state.velocities.cpu()
+        return reward, success, failed
 
     def _restart(self, chosen: Tensor, poses: Tensor) -> State:
         """Give the chosen robots a new start and goal; a world is redrawn where robot 0 is chosen."""
-        redraw = chosen[:, 0]
-        index = torch.randint(len(self.pool), (self.worlds_count,), generator=self.rng)
-        self._world_index = torch.where(redraw, index, self._world_index)
-        points = self._points[self._world_index]
-        poses = poses.clone()
-        for i in range(self.robots_per_world):
-            pick = chosen[:, i]
-            if not bool(pick.any()):
-                continue
-            start = self._draw_start(points, poses, i)
-            heading = (torch.rand(self.worlds_count, generator=self.rng) * 2 - 1) * torch.pi
-            poses[:, i] = torch.where(pick[:, None], torch.cat([start, heading[:, None]], 1), poses[:, i])
-            self._goals[:, i] = torch.where(pick[:, None], self._draw_goal(points, start), self._goals[:, i])
+        poses = self.journeys.draw(chosen, poses, self.rng)
         self._age[chosen] = 0
         self._dwelt[chosen] = 0
-        return self.simulator.place(self._world_index.to(torch.int32), chosen, poses)
+        self._touching = self._touching & ~chosen
+        self._last_commands[chosen] = 0.0
+        if self.practice:
+            self._draw_disturbances(self.practice, chosen[:, 0])
+        state = self.simulator.place(self.journeys.world_index.to(torch.int32), chosen, poses)
+        self._velocities = state.velocities.cpu()
+        return state
 
-    def _candidates(self, points: Tensor) -> Tensor:
-        chosen = torch.randint(points.shape[1], (len(points), CANDIDATES), generator=self.rng)
-        return points.gather(1, chosen[..., None].expand(-1, -1, 2))
-
-    def _draw_start(self, points: Tensor, poses: Tensor, robot: int) -> Tensor:
-        candidates = self._candidates(points)
-        others = torch.cat([poses[:, :robot, :2], poses[:, robot + 1 :, :2]], 1)
-        if others.shape[1] == 0:
-            return candidates[:, 0]
-        gap = (candidates[:, :, None] - others[:, None]).norm(dim=-1).amin(-1)
-        first = (gap > 2 * self.robot.footprint_radius + 0.3).to(torch.uint8).argmax(1)
-        return candidates[torch.arange(len(candidates)), first]
-
-    def _draw_goal(self, points: Tensor, start: Tensor) -> Tensor:
-        candidates = self._candidates(points)
-        distance = (candidates - start[:, None]).norm(dim=-1)
-        low, high = self.problem.goal_distance
-        first = ((distance >= low) & (distance <= high)).to(torch.uint8).argmax(1)
-        return candidates[torch.arange(len(candidates)), first]
+    def _draw_disturbances(self, practice: Practice, worlds: Tensor) -> None:
+        strength, late, drive = torch.rand(3, len(worlds), generator=self.rng)
+        before = strength if self._sensing.intensity is None else self._sensing.intensity
+        self._sensing.intensity = torch.where(worlds, strength, before)
+        self._late = torch.where(worlds, late < practice.late, self._late)
+        weakest = practice.weakest_drive
+        self._drive = torch.where(worlds, weakest + (1 - weakest) * drive, self._drive)
 
     def _observe(self) -> dict[str, Any]:
         views = [self._sensing.observe(i) for i in range(self.robots_per_world)]
         poses = torch.stack([view.pose for view in views], 1).cpu()
-        goal = geometry.polar(poses, self._goals)
+        goal = geometry.polar(poses, self.journeys.goals)
         goal[..., 0].clamp_(max=MAX_GOAL_DISTANCE)
 
         def flat(parts: list[Tensor]) -> npt.NDArray[np.float32]:
             stacked = torch.stack(parts, 1)
             return stacked.reshape(self.num_envs, -1).cpu().numpy()
 
-        return {
+        observation = {
             "goal": goal.reshape(self.num_envs, 2).numpy(),
             "scan": flat([view.scan for view in views]),
             "velocity": flat([view.velocity for view in views]),
         }
+        if self.practice:
+            observation["guide"] = self._guide().reshape(self.num_envs, GUIDE).numpy()
+        return observation
+
+    def _guide(self) -> Tensor:
+        bearing = self.journeys.direction(self.simulator.state().poses.cpu())
+        time_left = 1 - self._age / self.problem.max_steps
+        assert self._sensing.intensity is not None
+        intensity = self._sensing.intensity[:, None].expand_as(bearing)
+        return torch.stack([self._left / 10, bearing.cos(), bearing.sin(), time_left, intensity], -1)

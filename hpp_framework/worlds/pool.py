@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from inspect import signature
 
 import numpy as np
 import numpy.typing as npt
+import torch
 
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import numpy_rng
+from hpp_framework.worlds.geodesic import GoalFields, comfortable_ways
 from hpp_framework.worlds.loader import resolve_world
-from hpp_framework.worlds.occupancy import free_space
+from hpp_framework.worlds.occupancy import FreeSpace, free_space
 from hpp_framework.worlds.world import World
 
 POINTS = 256
@@ -25,10 +29,14 @@ class WorldPool:
     Attributes:
         worlds: the worlds.
         points: (worlds, points, 2) free points; any two of one world can be reached from each other.
+        goals: how many of each world's points, its first, have their ways known.
+        ways: the ways to them, world by world, or None.
     """
 
     worlds: tuple[World, ...]
     points: npt.NDArray[np.float32]
+    goals: int = 0
+    ways: GoalFields | None = None
 
     def __len__(self) -> int:
         return len(self.worlds)
@@ -46,15 +54,65 @@ def build_pool(
         seed: of worlds and points; world ``i`` depends on the seed and ``i`` only.
         clearance: gap between a footprint at a point and the nearest obstacle, in metres.
     """
+    factory = resolve_world(name)
+    return _pool(name, [factory] * size, robots, seed, clearance)[0]
+
+
+def build_practice_pool(
+    name: str,
+    size: int,
+    robots: Sequence[RobotSpec],
+    *,
+    seed: int,
+    clearance: float,
+    goals: int,
+    comfort: float,
+) -> WorldPool:
+    """Generate worlds from easy to hard, draw free points in each, and find the ways to some of them.
+
+    A world whose generator takes a ``difficulty`` gets one that rises evenly from 0 to 1 along the pool.
+
+    Args:
+        name: registered world or world file.
+        size: number of worlds.
+        robots: the team; points suit its largest footprint and tallest body.
+        seed: of worlds and points; world ``i`` depends on the seed, ``i`` and ``size`` only.
+        clearance: gap between a footprint at a point and the nearest obstacle, in metres.
+        goals: points a world that ways are found to.
+        comfort: gap to obstacles that ways prefer to keep, in metres.
+    """
+    factory = resolve_world(name)
+    factories: list[Callable[..., World]] = [factory] * size
+    if "difficulty" in signature(factory).parameters:
+        factories = [partial(each, difficulty=(i + 0.5) / size) for i, each in enumerate(factories)]
+    pool, spaces = _pool(name, factories, robots, seed, clearance)
+    ways = comfortable_ways(
+        spaces,
+        max(robot.footprint_radius for robot in robots),
+        comfort,
+        torch.from_numpy(pool.points[:, :goals].reshape(-1, 2).copy()),
+        torch.arange(size).repeat_interleave(goals),
+    )
+    return replace(pool, goals=goals, ways=ways)
+
+
+def _pool(
+    name: str,
+    factories: Sequence[Callable[..., World]],
+    robots: Sequence[RobotSpec],
+    seed: int,
+    clearance: float,
+) -> tuple[WorldPool, list[FreeSpace]]:
     radius = max(robot.footprint_radius for robot in robots) + clearance
     height = max(robot.height for robot in robots)
     worlds: list[World] = []
-    factory = resolve_world(name)
-    points = np.zeros((size, POINTS, 2), np.float32)
-    for index in range(size):
+    spaces: list[FreeSpace] = []
+    points = np.zeros((len(factories), POINTS, 2), np.float32)
+    for index, factory in enumerate(factories):
         rng = numpy_rng(seed, "pool", name, index)
         world = factory(rng)
         space = free_space(world, body_height=height, resolution=RESOLUTION)
         points[index] = space.sample(space.largest_region(radius), POINTS, rng)
         worlds.append(world)
-    return WorldPool(tuple(worlds), points)
+        spaces.append(space)
+    return WorldPool(tuple(worlds), points), spaces
