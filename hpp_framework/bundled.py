@@ -11,6 +11,15 @@ def register(hub: Hub) -> None:
     hub.worlds.add(
         "training", f"{worlds}.generators:training", summary="random furniture, another room each seed"
     )
+    for name, summary in (
+        ("mixed", "one of all random kinds, easy to hard: what skills are trained in"),
+        ("rooms", "a furnished flat with doors, about 12 x 12 m"),
+        ("corridors", "corridors with bends, junctions, dead ends and alcoves"),
+        ("passages", "a hall cut by walls with narrow passages"),
+        ("legs", "table and chair legs, 0.6 m or more apart"),
+        ("barn", "dense clutter after the BARN data set, 5 x 5 m"),
+    ):
+        hub.worlds.add(name, f"{worlds}.{name}:{name}", summary=summary)
     hub.worlds.add("simple", f"{worlds}.catalogue:simple", summary="an empty room, 20 x 20 m")
     hub.worlds.add("wall", f"{worlds}.catalogue:wall", summary="one wall, 4 m long, between the robots")
     hub.worlds.add(
