@@ -1,0 +1,64 @@
+"""What a skill is put to when it is judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from hpp_framework.envs.point_to_point import PointToPoint
+from hpp_framework.errors import ConfigError, unknown_name
+from hpp_framework.sensing import NoiseModel
+
+Draw = Literal["uniform", "even"]
+DRAWS = ("uniform", "even")
+
+ARRIVAL = PointToPoint()
+"""What counts as arriving, the same as in training."""
+RESOLUTION = 0.05
+"""Metres a cell of the grids that starts, goals, clearances and ways are found on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """What a skill is put to: worlds, goals and disturbances.
+
+    Attributes:
+        world: registered world or world file; every episode has a world of its own.
+        episodes: how many.
+        goal_distance: nearest and farthest goal, straight line, in metres.
+        clearance: gap between a footprint at start or goal and the nearest obstacle, at least; in metres.
+        draw: ``"uniform"``: any goal at the distance asked for, in the region that a disc of footprint and
+            clearance can reach. ``"even"``: journeys that fill the bins of the competence map evenly, as far
+            as the worlds have them; passages may be so narrow that the footprint just fits.
+        steps: control steps before an episode counts as failed (200 are 40 s).
+        noise: disturbances of what is observed.
+        seed: of worlds, starts, goals and noise.
+        backend: ``"batch"`` or ``"sapien"``.
+    """
+
+    world: str = "training"
+    episodes: int = 500
+    goal_distance: tuple[float, float] = (5.0, 10.0)
+    clearance: float = 0.15
+    draw: Draw = "uniform"
+    steps: int = 200
+    noise: NoiseModel = NoiseModel()
+    seed: int = 0
+    backend: str = "batch"
+
+    def __post_init__(self) -> None:
+        low, high = self.goal_distance
+        if self.episodes < 1 or self.steps < 1:
+            raise ConfigError(f"episodes and steps must be at least 1, got {self.episodes} and {self.steps}.")
+        if not ARRIVAL.goal_radius < low <= high:
+            raise ConfigError(
+                f"goal distance must be nearest and farthest in metres, the nearest above "
+                f"{ARRIVAL.goal_radius}, got {low:g} and {high:g}."
+            )
+        if not RESOLUTION <= self.clearance < float("inf"):
+            raise ConfigError(
+                f"clearance must be at least {RESOLUTION} m, the accuracy of the grid that finds starts and "
+                f"goals, got {self.clearance:g}."
+            )
+        if self.draw not in DRAWS:
+            raise unknown_name("draw", self.draw, DRAWS)
