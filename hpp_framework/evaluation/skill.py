@@ -6,48 +6,44 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from hpp_framework.envs.point_to_point import PointToPoint
-from hpp_framework.errors import ConfigError
-from hpp_framework.evaluation.statistics import wilson_interval
+from hpp_framework.evaluation.journeys import Journeys, Progress, draw_journeys
+from hpp_framework.evaluation.skill_score import SkillRow, SkillScore, score
+from hpp_framework.evaluation.trial import ARRIVAL, Trial
 from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import numpy_rng, torch_rng
+from hpp_framework.seeding import torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.sim import make_simulator
+from hpp_framework.sim.simulator import CONTROL_PERIOD, Simulator
 from hpp_framework.skill import Skill
-from hpp_framework.worlds.pool import WorldPool, build_pool
 
-ARRIVAL = PointToPoint()
-"""What counts as arriving, the same as in training."""
-
-STARTS = 32
-"""Points of a world that are tried as starts."""
+CHUNK = {"batch": 250, "sapien": 10}
+"""Episodes that run side by side."""
+FREEZE_SECONDS, FREEZE_METRES = 5.0, 0.25
+"""A failed robot froze if it got less far than this in its last seconds."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SkillScore:
-    """Outcome over a set of episodes.
+@dataclass(frozen=True)
+class Drives:
+    """What happened on journeys.
 
     Attributes:
-        episodes: how many.
-        success: share that came to rest within 0.3 m of the goal for 1 s, with its 95 % Wilson bounds.
-        success_low, success_high: those bounds.
-        clean: share that succeeded without touching anything.
-        time_median_s: median time of the successes, in seconds.
+        done: control step at which an episode succeeded, -1 for failures.
+        collided: whether it touched anything, before it succeeded if it did.
+        driven: path until success or the end, metres.
+        left: distance to the goal then, metres.
+        moved: net distance of the last 5 s, metres.
     """
 
-    episodes: int
-    success: float
-    success_low: float
-    success_high: float
-    clean: float
-    time_median_s: float
+    done: Int[Tensor, "b"]
+    collided: Bool[Tensor, "b"]
+    driven: Float[Tensor, "b"]
+    left: Float[Tensor, "b"]
+    moved: Float[Tensor, "b"]
 
 
-@torch.no_grad()
 def evaluate_skill(
     skill: Skill,
     robot: RobotSpec,
@@ -55,69 +51,163 @@ def evaluate_skill(
     world: str = "training",
     episodes: int = 500,
     goal_distance: tuple[float, float] = (5.0, 10.0),
+    clearance: float = 0.15,
     steps: int = 200,
     noise: NoiseModel | None = None,
+    backend: str = "batch",
     seed: int = 0,
 ) -> SkillScore:
     """Drive one robot to one reachable goal an episode, each episode in a world of its own.
 
+    :func:`skill_episodes` does the same and returns the single episodes; :func:`score` sums them up.
+
     Args:
         skill: what drives.
         robot: what it drives.
-        world: registered world.
+        world: registered world or world file.
         episodes: how many.
         goal_distance: nearest and farthest goal, straight line, in metres.
+        clearance: gap between the footprint and obstacles at start and goal and on some way, in metres.
         steps: control steps before an episode counts as failed (200 are 40 s).
         noise: disturbances of what is observed.
-        seed: of worlds, starts and goals.
+        backend: ``"batch"`` or ``"sapien"``.
+        seed: of worlds, starts, goals and noise.
 
     Raises:
-        ConfigError: if a world has no goal at the distance asked for.
+        HppError: if the world or backend is unknown, or a world has no goal at the distance asked for.
     """
-    pool = build_pool(world, episodes, [robot], seed=seed)
-    poses, goal = _journeys(pool, goal_distance, numpy_rng(seed, "evaluate-skill"))
-    simulator = BatchSimulator([robot])
-    state = simulator.reset(pool.worlds, poses)
-    sensing = Sensing([robot], noise or NoiseModel(), torch_rng(seed, "sensing"))
+    trial = Trial(
+        world=world, episodes=episodes, goal_distance=goal_distance, clearance=clearance, steps=steps,
+        noise=noise or NoiseModel(), backend=backend, seed=seed,
+    )  # fmt: skip
+    return score(skill_episodes(skill, robot, trial))
+
+
+def skill_episodes(
+    skill: Skill,
+    robot: RobotSpec,
+    trial: Trial,
+    *,
+    name: str = "",
+    journeys: Journeys | None = None,
+    progress: Progress = lambda _: None,
+) -> list[SkillRow]:
+    """Drive the journeys of a trial and return one row an episode.
+
+    Args:
+        skill: what drives.
+        robot: what it drives.
+        trial: where, and under what disturbances.
+        name: of the skill in the rows.
+        journeys: of this trial, drawn before; or None to draw them.
+        progress: called with the number of episodes driven, those under way in part.
+
+    Raises:
+        HppError: if the trial cannot be had, see :func:`draw_journeys` and
+            :func:`hpp_framework.sim.make_simulator`.
+    """
+    rows: list[SkillRow] = []
+    with make_simulator(trial.backend, [robot]) as simulator:
+        known = journeys or draw_journeys(robot, trial)
+        chunk = CHUNK[trial.backend]
+        for first in range(0, len(known), chunk):
+            wanted = slice(first, min(first + chunk, len(known)))
+            size = wanted.stop - first
+
+            def report(step: int, first: int = first, size: int = size) -> None:
+                progress(first + size * step // trial.steps)
+
+            drives = drive_journeys(skill, simulator, known, wanted, trial, progress=report)
+            rows += _rows(name, trial.world, known, wanted, drives)
+            progress(wanted.stop)
+    return rows
+
+
+@torch.no_grad()
+def drive_journeys(
+    skill: Skill,
+    simulator: Simulator,
+    journeys: Journeys,
+    wanted: slice,
+    trial: Trial,
+    *,
+    progress: Progress = lambda _: None,
+) -> Drives:
+    """Drive some journeys side by side, until all have succeeded or the trial's steps are over.
+
+    Args:
+        skill: what drives.
+        simulator: of one robot.
+        journeys: all of them.
+        wanted: which.
+        trial: steps, noise and seed.
+        progress: called with the number of steps done.
+    """
+    goal = journeys.goals[wanted]
+    state = simulator.reset(journeys.worlds[wanted], journeys.poses[wanted])
+    sensing = Sensing(simulator.robots, trial.noise, torch_rng(trial.seed, "sensing", wanted.start))
     sensing.reset(state)
-    done = torch.full((episodes,), -1)
-    dwelt = torch.zeros(episodes, dtype=torch.int64)
-    touched = torch.zeros(episodes, dtype=torch.bool)
-    for step in range(1, steps + 1):
+    done = torch.full((len(goal),), -1)
+    dwelt = torch.zeros(len(goal), dtype=torch.int64)
+    touched = torch.zeros(len(goal), dtype=torch.bool)
+    places = [state.poses[:, 0, :2].clone()]
+    for step in range(1, trial.steps + 1):
         state = simulator.step(skill.act(sensing.observe(0), goal)[:, None])
         sensing.update(state)
+        places.append(state.poses[:, 0, :2].clone())
         touched |= state.collided[:, 0] & (done < 0)
-        near = (state.poses[:, 0, :2] - goal).norm(dim=1) < ARRIVAL.goal_radius
+        near = (places[-1] - goal).norm(dim=1) < ARRIVAL.goal_radius
         resting = state.velocities[:, 0, 0].abs() < ARRIVAL.rest_speed
         dwelt = torch.where(near & resting, dwelt + 1, 0)
         done = torch.where((done < 0) & (dwelt >= ARRIVAL.dwell), step, done)
-    success = done >= 0
-    low, high = wilson_interval(int(success.sum()), episodes)
-    return SkillScore(
-        episodes=episodes,
-        success=float(success.float().mean()),
-        success_low=low,
-        success_high=high,
-        clean=float((success & ~touched).float().mean()),
-        time_median_s=float(done[success].float().median() * CONTROL_PERIOD)
-        if bool(success.any())
-        else float("nan"),
+        progress(step)
+        if bool((done >= 0).all()):
+            break
+    return _drives(torch.stack(places, 1), goal, done, touched)
+
+
+def _drives(
+    places: Float[Tensor, "b t 2"],
+    goal: Float[Tensor, "b 2"],
+    done: Int[Tensor, "b"],
+    touched: Bool[Tensor, "b"],
+) -> Drives:
+    rows = torch.arange(len(goal))
+    end = torch.where(done >= 0, done, places.shape[1] - 1)
+    before = (end - round(FREEZE_SECONDS / CONTROL_PERIOD)).clamp(min=0)
+    driven = places.diff(dim=1).norm(dim=-1).cumsum(1)
+    return Drives(
+        done=done,
+        collided=touched,
+        driven=driven[rows, end - 1],
+        left=(places[rows, end] - goal).norm(dim=1),
+        moved=(places[rows, end] - places[rows, before]).norm(dim=1),
     )
 
 
-def _journeys(
-    pool: WorldPool, goal_distance: tuple[float, float], rng: np.random.Generator
-) -> tuple[Float[Tensor, "b 1 3"], Float[Tensor, "b 2"]]:
-    """Draw a start pose and a goal at the distance asked for in each world of a pool."""
-    rows = np.arange(len(pool))
-    gaps = np.linalg.norm(pool.points[:, :, None] - pool.points[:, None, :STARTS], axis=-1)
-    suitable = (gaps >= goal_distance[0]) & (gaps <= goal_distance[1])
-    if not suitable.any((1, 2)).all():
-        raise ConfigError(f"some worlds have no goal {goal_distance[0]} to {goal_distance[1]} m away.")
-    # the start is the first point that has any such goal, the goal a random one of those
-    start = suitable.any(1).argmax(1)
-    choices = suitable[rows, :, start]
-    goal = np.where(choices, rng.random(choices.shape), -1.0).argmax(1)
-    heading = rng.uniform(-np.pi, np.pi, (len(pool), 1))
-    poses = np.concatenate([pool.points[rows, start], heading], 1)
-    return torch.from_numpy(poses).float()[:, None], torch.from_numpy(pool.points[rows, goal])
+def _rows(name: str, world: str, journeys: Journeys, wanted: slice, drives: Drives) -> list[SkillRow]:
+    success = (drives.done >= 0).numpy()
+    collided = drives.collided.numpy()
+    frozen = ~success & (drives.moved < FREEZE_METRES).numpy()
+    driven, left = drives.driven.double().numpy(), drives.left.double().numpy()
+    shortest, bound = journeys.shortest[wanted], journeys.bound[wanted]
+    reference = np.maximum(shortest - left, 0)
+    spl = np.where(success, reference / np.maximum(np.maximum(driven, reference), 1e-9), 0)
+    time = np.where(success, drives.done.numpy() * CONTROL_PERIOD, np.nan)
+    return [
+        SkillRow(
+            skill=name, world=world, episode=wanted.start + i,
+            distance_m=_short(journeys.distance[wanted][i]),
+            clearance_m=float(journeys.clearance[wanted][i]),
+            shortest_m=_short(shortest[i]), bound_s=_short(bound[i]),
+            success=int(success[i]), clean=int(success[i] and not collided[i]), collision=int(collided[i]),
+            freeze=int(frozen[i]), timeout=int(not success[i] and not frozen[i]),
+            time_s=_short(time[i]), driven_m=_short(driven[i]), left_m=_short(left[i]),
+            spl=_short(spl[i]), time_ratio=_short(time[i] / bound[i]),
+        )
+        for i in range(len(success))
+    ]  # fmt: skip
+
+
+def _short(value: float) -> float:
+    return round(float(value), 4)
