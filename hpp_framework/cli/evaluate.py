@@ -1,17 +1,20 @@
-"""hpp evaluate: compare planners over worlds, with intervals."""
+"""hpp evaluate: compare planners over worlds, with intervals; or judge skills."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+import tyro
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
 from rich.table import Table
 
+from hpp_framework.cli.evaluate_skill import EvaluateSkill
 from hpp_framework.cli.options import Noise, names, to_experiment
+from hpp_framework.cli.progress import cell_bars
+from hpp_framework.errors import ConfigError
 
 TABLE_WIDTH = 120
 
@@ -50,9 +53,18 @@ class Evaluate:
     """Extra folders searched for predictor weights, separated by commas."""
     noise: Noise = field(default_factory=Noise)
     """Disturbances of what agents observe."""
+    judge: tyro.conf.OmitSubcommandPrefixes[
+        Annotated[EvaluateSkill, tyro.conf.subcommand("skill")]
+        | Annotated[None, tyro.conf.subcommand("planners", description="What is described above.")]
+    ] = None
+    """What to judge; options of skills come after the word skill."""
 
     def run(self) -> None:
         """Run the experiment and print its summary."""
+        if self.judge is not None:
+            self._check_nothing_else()
+            self.judge.run()
+            return
         from hpp_framework.evaluation.experiment import run_experiment
 
         experiment = to_experiment(
@@ -62,20 +74,22 @@ class Evaluate:
             planners=names(self.planners, "--planners"),
             episodes=self.episodes,
         )
-        with Progress(transient=True) as progress:
-            bars: dict[str, Any] = {}
-
-            def report(cell: str, done: int, total: int) -> None:
-                if cell not in bars:
-                    bars[cell] = progress.add_task(escape(cell), total=total)
-                progress.update(bars[cell], completed=done)
-                # a log file shows no bar
-                if not progress.console.is_terminal and done == total:
-                    progress.console.print(f"{escape(cell)}: {total} episodes", highlight=False)
-
+        with cell_bars() as report:
             summary = run_experiment(experiment, self.out, progress=report)
         Console(width=TABLE_WIDTH).print(summary_table(summary))
         print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
+
+    def _check_nothing_else(self) -> None:
+        default = Evaluate()
+        given = [
+            f"--{each.name}"
+            for each in fields(self)
+            if each.name != "judge" and getattr(self, each.name) != getattr(default, each.name)
+        ]
+        if given:
+            raise ConfigError(
+                f"options of `hpp evaluate skill` come after its name: move {', '.join(given)}."
+            )
 
 
 def summary_table(summary: list[dict[str, Any]]) -> Table:

@@ -1,0 +1,103 @@
+"""``hpp evaluate skill``: how well skills reach goals, and where they may be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from hpp_framework.cli.options import Noise, names
+from hpp_framework.cli.progress import cell_bars
+
+TABLE_WIDTH = 120
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateSkill:
+    """Drive one robot to one goal an episode, each in a world of its own, and map where a skill is trusted.
+
+    Writes episodes.csv (a row an episode), competence.csv and competence.png (success by goal distance and
+    clearance), summary.json and config.json into --out. Interrupted runs resume: repeat the same command.
+    """
+
+    name: Annotated[str, tyro.conf.Positional] = "p2p"
+    """Registered skill."""
+    compare: str = ""
+    """More registered skills that drive the same journeys, separated by commas."""
+    robot: str = "fetch"
+    """Registered robot."""
+    worlds: str = "training"
+    """Registered worlds or YAML files, separated by commas."""
+    episodes: int = 500
+    """Episodes a skill and world."""
+    goal_distance: tuple[float, float] = (1.0, 15.0)
+    """Nearest and farthest goal, straight line, in metres."""
+    clearance: float = 0.05
+    """Gap between the footprint at start or goal and the nearest obstacle, at least; in metres."""
+    draw: Literal["even", "uniform"] = "even"
+    """Journeys that fill the bins of the map evenly, also through passages that just fit; or any journey
+    on which --clearance can be kept all the way."""
+    steps: int = 200
+    """Control steps of 0.2 s before an episode counts as failed."""
+    backend: Literal["batch", "sapien"] = "batch"
+    """Simulator."""
+    seed: int = 0
+    """Seed of worlds, starts, goals and noise."""
+    out: Path = Path("out/skill")
+    """Folder to write to."""
+    noise: Noise = field(default_factory=Noise)
+    """Disturbances of what the robot observes."""
+
+    def run(self) -> None:
+        """Run the episodes and print their summary."""
+        from hpp_framework.evaluation.skill_study import COMPETENCE, PICTURE, SkillStudy, run_study
+
+        listed = f"{self.name},{self.compare}" if self.compare else self.name
+        study = SkillStudy(
+            skills=names(listed, "--compare" if self.compare else "skill"),
+            robot=self.robot,
+            worlds=names(self.worlds, "--worlds"),
+            episodes=self.episodes,
+            goal_distance=self.goal_distance,
+            clearance=self.clearance,
+            draw=self.draw,
+            steps=self.steps,
+            noise=self.noise.model(),
+            seed=self.seed,
+            backend=self.backend,
+        )
+        with cell_bars() as report:
+            summary = run_study(study, self.out, progress=report)
+        Console(width=TABLE_WIDTH).print(skill_table(summary))
+        for title, file in (("episodes", "episodes.csv"), ("map", COMPETENCE), ("picture", PICTURE)):
+            print(f"{title + ':':9} {self.out / file}")
+
+
+def skill_table(summary: list[dict[str, Any]]) -> Table:
+    """Return a summary from :func:`hpp_framework.evaluation.skill_study.run_study` as a table."""
+    table = Table(box=None)
+    for column in (
+        "skill", "world", "success", "95 % interval", "clean", "collided", "froze", "SPL", "95 % interval",
+        "time s", "/ bound", "trusted",
+    ):  # fmt: skip
+        table.add_column(column, justify="left" if column in ("skill", "world") else "right")
+    for row in summary:
+        score = row["summary"]
+        trusted = sum(each["trusted"] for each in row["bins"])
+        table.add_row(
+            escape(row["skill"]), escape(row["world"]), f"{score['success']:.3f}",
+            f"{score['success_low']:.3f} .. {score['success_high']:.3f}", f"{score['clean']:.3f}",
+            f"{score['collision']:.3f}", f"{score['freeze']:.3f}", f"{score['spl']:.3f}",
+            f"{score['spl_low']:.3f} .. {score['spl_high']:.3f}", _number(score["time_median_s"], ".1f"),
+            _number(score["time_ratio_median"], ".2f"), f"{trusted}/{len(row['bins'])} bins",
+        )  # fmt: skip
+    return table
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)

@@ -1,0 +1,209 @@
+"""Judges skills over worlds: cells of episodes, written as they finish, resumed where they stopped.
+
+Episode ``e`` of world ``w`` under seed ``s`` is the same journey for every skill and backend, so that
+comparisons are paired.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.competence import competence_card, competence_map, write_competence
+from hpp_framework.evaluation.journeys import Journeys, draw_journeys
+from hpp_framework.evaluation.skill import skill_episodes
+from hpp_framework.evaluation.skill_figures import plot_competence
+from hpp_framework.evaluation.skill_score import SkillRow
+from hpp_framework.evaluation.trial import Draw, Trial
+from hpp_framework.files import replacing
+from hpp_framework.registry import hub
+from hpp_framework.robot import RobotSpec
+from hpp_framework.sensing import NoiseModel
+from hpp_framework.sim import make_simulator
+
+COMPETENCE, PICTURE = "competence.csv", "competence.png"
+ALL = "all worlds"
+Progress = Callable[[str, int, int], None]
+
+_TYPES: dict[str, Callable[[str], Any]] = {
+    f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(SkillRow)
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillStudy:
+    """What is judged; written into the run folder.
+
+    Attributes:
+        skills: registered skills.
+        robot: registered robot.
+        worlds: registered worlds or YAML files.
+        episodes: a skill and world.
+        goal_distance, clearance, draw, steps, noise, seed, backend: see :class:`Trial`.
+        judged: tells the folder from one that compares planners.
+    """
+
+    skills: tuple[str, ...]
+    robot: str
+    worlds: tuple[str, ...]
+    episodes: int = 500
+    goal_distance: tuple[float, float] = (1.0, 15.0)
+    clearance: float = 0.05
+    draw: Draw = "even"
+    steps: int = 200
+    noise: NoiseModel = NoiseModel()
+    seed: int = 0
+    backend: str = "batch"
+    judged: str = "skills"
+
+    def __post_init__(self) -> None:
+        if not self.skills or not self.worlds:
+            raise ConfigError("name at least one skill and one world.")
+
+    def trial(self, world: str, *, episodes: int | None = None) -> Trial:
+        """Return what every skill is put to in a world."""
+        return Trial(
+            world=world, episodes=self.episodes if episodes is None else episodes,
+            goal_distance=self.goal_distance, clearance=self.clearance, draw=self.draw, steps=self.steps,
+            noise=self.noise, seed=self.seed, backend=self.backend,
+        )  # fmt: skip
+
+
+def check_study(study: SkillStudy) -> RobotSpec:
+    """Try everything that a study names, before anything is written, and return its robot.
+
+    Raises:
+        HppError: whatever is wrong: an unknown name, missing weights, a world without such goals.
+    """
+    robot = hub().robots.create(study.robot)
+    for world in study.worlds:
+        study.trial(world)
+    for skill in study.skills:
+        hub().skills.create(skill, robot)
+    make_simulator(study.backend, [robot]).close()
+    for world in study.worlds:
+        draw_journeys(robot, study.trial(world, episodes=1))
+    return robot
+
+
+def run_study(study: SkillStudy, out: Path, *, progress: Progress = lambda *_: None) -> list[dict[str, Any]]:
+    """Run the skills and worlds that are not yet in ``out`` and write tables and picture.
+
+    Args:
+        study: what is judged.
+        out: run folder; created, or resumed if it holds the same study.
+        progress: called with (what is under way, episodes done, episodes in all).
+
+    Returns:
+        What ``summary.json`` holds: skill, world and :func:`competence_card` of each cell and, with several
+        worlds, of all of them together.
+
+    Raises:
+        HppError: if the study names something wrong (nothing is written then), or ``out`` holds something
+            else, is damaged or cannot be written.
+    """
+    robot = check_study(study)
+    config = folder.record(folder.EVALUATE, asdict(study), {})
+    folder.open_evaluation(out, config)
+    rows = read_skill_rows(out / folder.EPISODES)
+    for world in study.worlds:
+        rows = _run_world(study, robot, world, rows, out / folder.EPISODES, progress)
+    cells = {
+        (skill, world): [row for row in rows if row.skill == skill and world in (row.world, ALL)]
+        for skill in study.skills
+        for world in (*study.worlds, *((ALL,) if len(study.worlds) > 1 else ()))
+    }
+    maps = {cell: competence_map(part) for cell, part in cells.items()}
+    write_competence(out / COMPETENCE, maps)
+    plot_competence(out / PICTURE, maps, title=f"{study.robot}, {study.backend}, seed {study.seed}")
+    summary = [
+        {"skill": skill, "world": world, "robot": study.robot, "backend": study.backend, "seed": study.seed}
+        | competence_card(part)
+        for (skill, world), part in cells.items()
+    ]
+    _write(out / folder.SUMMARY, json.dumps(summary, indent=2) + "\n")
+    return summary
+
+
+def _run_world(
+    study: SkillStudy,
+    robot: RobotSpec,
+    world: str,
+    rows: list[SkillRow],
+    file: Path,
+    progress: Progress,
+) -> list[SkillRow]:
+    """Run the skills that a world misses, write after each, and return all rows."""
+    journeys: Journeys | None = None
+    trial = study.trial(world)
+    for skill in study.skills:
+        cell = f"{skill} / {world}"
+        have = sum((row.skill, row.world) == (skill, world) for row in rows)
+        if have != study.episodes:
+            if journeys is None:
+                named = f"journeys in {world}"
+                journeys = draw_journeys(
+                    robot, trial, progress=lambda done, named=named: progress(named, done, study.episodes)
+                )
+            fresh = skill_episodes(
+                hub().skills.create(skill, robot), robot, trial, name=skill, journeys=journeys,
+                progress=lambda done, cell=cell: progress(cell, done, study.episodes),
+            )  # fmt: skip
+            rows = [row for row in rows if (row.skill, row.world) != (skill, world)] + fresh
+            write_skill_rows(file, rows)
+        progress(cell, study.episodes, study.episodes)
+    return rows
+
+
+def read_skill_rows(file: Path) -> list[SkillRow]:
+    """Return the rows of a table, none if there is no such file.
+
+    Raises:
+        ConfigError: if the file cannot be read or is damaged.
+    """
+    if not file.exists():
+        return []
+    remedy = "Move it away to start over."
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            table = csv.DictReader(stream)
+            if table.fieldnames != list(_TYPES):
+                raise ConfigError(f"'{file}' is damaged, its columns are not {', '.join(_TYPES)}. {remedy}")
+            return [SkillRow(**{k: _TYPES[k](v) for k, v in row.items()}) for row in table]
+    except OSError as error:
+        raise ConfigError(f"cannot read '{file}': {error.strerror}. Choose another --out.") from error
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
+        raise ConfigError(f"'{file}' is damaged ({error!r}). {remedy}") from error
+
+
+def write_skill_rows(file: Path, rows: Sequence[SkillRow]) -> None:
+    """Write all rows, completely or not at all: an interruption loses at most one skill in one world.
+
+    Raises:
+        ConfigError: if the file cannot be written.
+    """
+    try:
+        with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.DictWriter(stream, list(_TYPES))
+            writer.writeheader()
+            writer.writerows(asdict(row) for row in rows)
+    except OSError as error:
+        raise _cannot_write(file, error) from error
+
+
+def _write(file: Path, text: str) -> None:
+    try:
+        with replacing(file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise _cannot_write(file, error) from error
+
+
+def _cannot_write(file: Path, error: OSError) -> ConfigError:
+    return ConfigError(f"cannot write '{file}': {error.strerror}. Finished cells are kept; resume later.")
