@@ -9,8 +9,10 @@ The loop that calls one (every control step, for all episodes at once)::
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from jaxtyping import Float
 from torch import Tensor
@@ -42,6 +44,8 @@ class SkillTraining:
         steps: robot control steps to train for.
         init: weights to start from, or None.
         threads: torch threads.
+        settings: of the trainer's recipe, by dotted name, e.g. ``{"reward.touch": -0.4}``.
+        judge: whether the finished skill is judged in unseen worlds for its card.
     """
 
     robot: str
@@ -50,3 +54,5 @@ class SkillTraining:
     steps: int = 4_000_000
     init: Path | None = None
     threads: int = 2
+    settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
+    judge: bool = True

@@ -19,6 +19,7 @@ UNCHECKED = {
     "hpp_framework.sim.lidar_kernels",
     "hpp_framework.prediction.delta_kernels",
     "hpp_framework.prediction.depth_kernels",
+    "hpp_skills.dwa.window_kernels",
     "hpp_framework.worlds.geodesic_kernels",
 }
 
@@ -106,9 +107,10 @@ def torch_rng() -> torch.Generator:
 def tiny_training(monkeypatch: pytest.MonkeyPatch) -> None:
     """Train the skill ``p2p`` with two robots in one world, and judge it by two steps."""
     from hpp_skills.p2p import train
+    from hpp_skills.p2p.recipe import Recipe, Rooms
 
     from hpp_framework.evaluation.skill import evaluate_skill
 
-    monkeypatch.setattr(train, "ROBOTS", 2)
-    monkeypatch.setattr(train, "WORLDS", 1)
+    rooms = Rooms(world="training", count=1, goals=2, robots=2)
+    monkeypatch.setattr(train, "Recipe", partial(Recipe, rooms=rooms))
     monkeypatch.setattr(train, "evaluate_skill", partial(evaluate_skill, episodes=1, steps=2))

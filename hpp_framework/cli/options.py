@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import yaml
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.sensing import NoiseModel
@@ -46,6 +49,23 @@ def names(text: str, option: str) -> tuple[str, ...]:
     if twice:
         raise ConfigError(f"{option} names '{twice}' twice.")
     return items
+
+
+def parse_settings(pairs: Sequence[str], option: str) -> dict[str, Any]:
+    """Read ``name=value`` pairs; values are numbers, true, false or text, as YAML has them.
+
+    Raises:
+        ConfigError: if a pair has no name or no ``=``, or a name comes twice.
+    """
+    settings: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not name or not equals:
+            raise ConfigError(f"{option} takes NAME=VALUE, e.g. reward.touch=-0.4; got '{pair}'.")
+        if name in settings:
+            raise ConfigError(f"{option} gives '{name}' twice.")
+        settings[name] = yaml.safe_load(value)
+    return settings
 
 
 def to_experiment(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from hpp_framework.cli.options import check_folder, check_positive
+from hpp_framework.cli.options import check_folder, check_positive, parse_settings
 from hpp_framework.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ class TrainSkill:
     """Seed of rooms, noise and network."""
     init: Path | None = None
     """Weights of another robot to start from."""
+    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
+    """Settings of the trainer's recipe, e.g. reward.touch=-0.4 network.hidden=64."""
     threads: int = 2
     """Torch threads."""
     out: Path | None = None
@@ -48,8 +50,9 @@ class TrainSkill:
         out = self.out or Path("runs") / f"{self.name}-{self.robot}"
         check_folder(out)
         config = SkillTraining(
-            robot=self.robot, out=out, seed=self.seed, steps=self.steps, init=self.init, threads=self.threads
-        )
+            robot=self.robot, out=out, seed=self.seed, steps=self.steps, init=self.init, threads=self.threads,
+            settings=parse_settings(self.set, "--set"),
+        )  # fmt: skip
         print(f"weights: {hub().skill_trainers.create(self.name, config)}")
 
 

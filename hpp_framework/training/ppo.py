@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -19,6 +20,7 @@ from gymnasium import spaces
 from rich.progress import Progress
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.policies import MultiInputActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecEnv
 from torch import nn
@@ -29,6 +31,8 @@ from hpp_framework.errors import CheckpointError
 from hpp_framework.training.snapshots import describe_run, load_snapshot, save_snapshot
 
 WINDOW = 2000
+"""Episodes that a point of the learning curve is the mean of."""
+CURVE = "curve.jsonl"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,15 +92,15 @@ class Sb3Adapter(VecEnv):
 
     def step_wait(self) -> Any:
         """Step everybody and keep count of successes."""
-        observation, reward, success, truncated, info = self.env.step(self._actions)
-        done = success | truncated
+        observation, reward, over, truncated, info = self.env.step(self._actions)
+        done = over | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for index in np.nonzero(done)[0]:
             final = info["final_obs"][index]
             infos[index] = {"terminal_observation": final, "TimeLimit.truncated": bool(truncated[index])}
             # robots cut short by their neighbour's end say nothing about success
-            if success[index] or info["final_info"]["steps"][index] >= self.env.problem.max_steps:
-                self.recent.append(bool(success[index]))
+            if over[index] or info["final_info"]["steps"][index] >= self.env.problem.max_steps:
+                self.recent.append(bool(info["final_info"]["success"][index]))
         self.touch_share.append(float(info["touched"].mean()))
         return observation, reward.astype(np.float32), done, infos
 
@@ -123,30 +127,70 @@ class Sb3Adapter(VecEnv):
 
 
 class _Extractor(BaseFeaturesExtractor):
-    """Puts a skill's own encoder where Stable-Baselines3 wants a features extractor."""
+    """Puts a skill's own encoder where Stable-Baselines3 wants a features extractor; the guide comes last."""
 
-    def __init__(
-        self, observation_space: spaces.Space[Any], encoder: Callable[[], nn.Module], width: int
-    ) -> None:
-        super().__init__(observation_space, width)
+    def __init__(self, observation_space: spaces.Dict, encoder: Callable[[], nn.Module], width: int) -> None:
+        guide = observation_space.spaces.get("guide")
+        super().__init__(observation_space, width + (guide.shape[0] if guide and guide.shape else 0))
         self.encoder = encoder()
 
     def forward(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
-        return self.encoder(observations["scan"], observations["goal"], observations["velocity"])
+        seen = self.encoder(observations["scan"], observations["goal"], observations["velocity"])
+        return torch.cat([seen, observations["guide"]], 1) if "guide" in observations else seen
+
+
+class _Heads(nn.Module):
+    """Hidden layers of the actor, who sees the first ``width`` features, and of the critic, who sees all."""
+
+    def __init__(self, features: int, width: int, hidden: Sequence[int]) -> None:
+        super().__init__()
+        self.width = width
+        self.policy_net, self.latent_dim_pi = _layers(width, hidden)
+        self.value_net, self.latent_dim_vf = _layers(features, hidden)
+
+    def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        return self.policy_net(features[:, : self.width])
+
+    def forward_critic(self, features: torch.Tensor) -> torch.Tensor:
+        return self.value_net(features)
+
+
+def _layers(width: int, hidden: Sequence[int]) -> tuple[nn.Sequential, int]:
+    layers: list[nn.Module] = []
+    for units in hidden:
+        layers += [nn.Linear(width, units), nn.ReLU()]
+        width = units
+    return nn.Sequential(*layers), width
+
+
+class _Policy(MultiInputActorCriticPolicy):
+    """An actor that sees what the robot sees, beside a critic that is guided (Pinto et al. 2018)."""
+
+    def _build_mlp_extractor(self) -> None:
+        width: int = self.features_extractor_kwargs["width"]
+        hidden: Any = self.net_arch
+        self.mlp_extractor: Any = _Heads(self.features_dim, width, hidden)
 
 
 class _Progress(BaseCallback):
     """Progress bar, learning curve on disk, resumable snapshots, clean interruption."""
 
-    def __init__(self, out: Path, total: int, progress: Progress) -> None:
+    def __init__(self, out: Path, total: int, progress: Progress, share: Callable[[float], float]) -> None:
         super().__init__()
-        self.out, self.total, self.progress = out, total, progress
+        self.out, self.total, self.progress, self.share = out, total, progress, share
         self.interrupted = False
         self._began = perf_counter()
         self._task = progress.add_task("training", total=total)
 
     def _on_step(self) -> bool:
         return not self.interrupted
+
+    def _on_rollout_start(self) -> None:
+        assert isinstance(self.training_env, Sb3Adapter)
+        self.training_env.env.journeys.share = self.share(self.num_timesteps / self.total)
 
     def _on_rollout_end(self) -> None:
         assert isinstance(self.training_env, Sb3Adapter)
@@ -156,10 +200,13 @@ class _Progress(BaseCallback):
             "steps": self.num_timesteps,
             "success": success,
             "touch_share": float(np.mean(self.training_env.touch_share)),
+            "worlds": round(self.training_env.env.journeys.share, 4),
             # since this process began or resumed the training; `hpp bench` reads speed off it
             "seconds": round(perf_counter() - self._began, 4),
         }
-        curve = self.out / "curve.jsonl"
+        for name in ("success", "touch_share", "worlds"):
+            self.logger.record(f"practice/{name}", row[name])
+        curve = self.out / CURVE
         try:
             with curve.open("a") as stream:
                 stream.write(json.dumps(row) + "\n")
@@ -182,6 +229,7 @@ def train_ppo(
     steps: int,
     seed: int,
     config: PpoConfig | None = None,
+    share: Callable[[float], float] = lambda _: 1.0,
     initial: Callable[[PPO], None] | None = None,
     run: Mapping[str, Any] | None = None,
 ) -> PPO:
@@ -195,6 +243,7 @@ def train_ppo(
         steps: control steps in all.
         seed: of network, worlds and noise; 0 to 2**32 - 1.
         config: hyper-parameters.
+        share: part of the pool's worlds, the easiest, to practise in when a part of the training is done.
         initial: called with the fresh model to load weights to start from.
         run: further options (JSON-compatible) that a snapshot must share to be resumed from.
 
@@ -209,10 +258,10 @@ def train_ppo(
     model = load_snapshot(out, adapter, described)
     if model is None:
         describe_run(out, described)
-        model = _fresh(adapter, encoder, width, seed, config)
+        model = _fresh(adapter, encoder, width, out, seed, config)
         if initial:
             initial(model)
-    _learn(model, out, steps)
+    _learn(model, out, steps, share)
     return model
 
 
@@ -222,28 +271,37 @@ def _learning_rate(config: PpoConfig, left: float) -> float:
 
 
 def _fresh(
-    adapter: Sb3Adapter, encoder: Callable[[], nn.Module], width: int, seed: int, config: PpoConfig
+    adapter: Sb3Adapter,
+    encoder: Callable[[], nn.Module],
+    width: int,
+    out: Path,
+    seed: int,
+    config: PpoConfig,
 ) -> PPO:
     return PPO(
-        "MultiInputPolicy", adapter, seed=seed, device="cpu",
+        _Policy, adapter, seed=seed, device="cpu",
         n_steps=config.n_steps, batch_size=config.batch_size, n_epochs=config.n_epochs,
         learning_rate=partial(_learning_rate, config), gamma=config.gamma, gae_lambda=config.gae_lambda,
-        ent_coef=config.ent_coef,
+        ent_coef=config.ent_coef, tensorboard_log=_tensorboard(out),
         policy_kwargs={
             "features_extractor_class": _Extractor,
             "features_extractor_kwargs": {"encoder": encoder, "width": width},
-            "net_arch": {"pi": list(config.hidden), "vf": list(config.hidden)},
-            "activation_fn": nn.ReLU,
+            "net_arch": list(config.hidden),
             "log_std_init": config.log_std_init,
         },
     )  # fmt: skip
 
 
-def _learn(model: PPO, out: Path, steps: int) -> None:
+def _tensorboard(out: Path) -> str | None:
+    """Return the folder of TensorBoard's logs, or None where it is not installed (extra ``logging``)."""
+    return str(out / "tensorboard") if find_spec("tensorboard") else None
+
+
+def _learn(model: PPO, out: Path, steps: int, schedule: Callable[[float], float]) -> None:
     """Train up to ``steps`` in all; an interruption ends the update, saves and raises KeyboardInterrupt."""
     left = steps - model.num_timesteps
     with Progress() as progress:
-        callback = _Progress(out, steps, progress)
+        callback = _Progress(out, steps, progress, schedule)
         previous = signal.signal(signal.SIGINT, lambda *_: setattr(callback, "interrupted", True))
         try:
             if left > 0:

@@ -54,7 +54,7 @@ def test_an_interrupted_training_resumes_and_cleans_up(config, snapshot):
     file = p2p.train(config)
     assert load_checkpoint(file, {})[1]["steps"] >= STEPS
     assert sorted(p.name for p in config.out.iterdir()) == [
-        "curve.jsonl", "fetch.json", "fetch.safetensors",
+        "curve.jsonl", "fetch.json", "fetch.safetensors", "learning_curve.png", "tensorboard",
     ]  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def test_the_snapshot_of_another_training_is_refused(config, snapshot, options, 
 def test_a_snapshot_with_another_start_is_refused(config, snapshot):
     from hpp_skills.p2p.skill import WEIGHTS
 
-    with pytest.raises(ConfigError, match="init was None, is '[0-9a-f]+', ppo differs"):
+    with pytest.raises(ConfigError, match="init was None, is '[0-9a-f]+', recipe differs"):
         p2p.train(with_options(config, init=WEIGHTS / "freight.safetensors"))
 
 

@@ -2,16 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from hpp_framework.errors import ConfigError
 from hpp_framework.robot import DriveLimits, RobotSpec
 
-FEATURES = 160
-HIDDEN = 128
-_CHANNELS = 16
 _FAR = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkShape:
+    """How large the policy is.
+
+    Attributes:
+        scan: ``"conv"``: two convolutions over the scan; ``"dense"``: the scan as it is.
+        channels: of the convolutions.
+        features: of scan, goal and velocity together.
+        hidden: units of the last hidden layer.
+    """
+
+    scan: Literal["conv", "dense"] = "conv"
+    channels: int = 16
+    features: int = 160
+    hidden: int = 128
+
+    def __post_init__(self) -> None:
+        if self.scan not in ("conv", "dense"):
+            raise ConfigError(f"network: scan must be 'conv' or 'dense', got '{self.scan}'.")
+        for name in ("channels", "features", "hidden"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"network: {name} must be at least 1, got {getattr(self, name)}.")
 
 
 class Encoder(nn.Module):
@@ -20,20 +45,17 @@ class Encoder(nn.Module):
     Ranges enter as 1 / (1 + range), so that near obstacles are seen sharply and misses vanish.
 
     Args:
+        shape: how large.
         beams: of the lidar.
         drive: limits that scale the velocity.
     """
 
-    def __init__(self, beams: int, drive: DriveLimits) -> None:
+    def __init__(self, shape: NetworkShape, beams: int, drive: DriveLimits) -> None:
         super().__init__()
-        self.scan = nn.Sequential(
-            nn.Conv1d(1, _CHANNELS, 7, stride=3), nn.ReLU(),
-            nn.Conv1d(_CHANNELS, _CHANNELS, 5, stride=3), nn.ReLU(),
-            nn.Flatten(),
-        )  # fmt: skip
+        self.scan = _scan_layers(shape)
         with torch.no_grad():
             width = self.scan(torch.zeros(1, 1, beams)).shape[1]
-        self.join = nn.Sequential(nn.Linear(width + 6, FEATURES), nn.ReLU())
+        self.join = nn.Sequential(nn.Linear(width + 6, shape.features), nn.ReLU())
         self.velocity_scale: Tensor
         scale = torch.tensor([drive.speed[1], drive.turn_rate])
         self.register_buffer("velocity_scale", scale, persistent=False)
@@ -48,18 +70,29 @@ class Encoder(nn.Module):
         return self.join(torch.cat([seen, *where, velocity / self.velocity_scale], 1))
 
 
+def _scan_layers(shape: NetworkShape) -> nn.Sequential:
+    if shape.scan == "dense":
+        return nn.Sequential(nn.Flatten())
+    return nn.Sequential(
+        nn.Conv1d(1, shape.channels, 7, stride=3), nn.ReLU(),
+        nn.Conv1d(shape.channels, shape.channels, 5, stride=3), nn.ReLU(),
+        nn.Flatten(),
+    )  # fmt: skip
+
+
 class PolicyNetwork(nn.Module):
     """Encoder, one hidden layer, and the mean of the action in [-1, 1]^2.
 
     Args:
         robot: whose lidar and drive limits shape the network.
+        shape: how large.
     """
 
-    def __init__(self, robot: RobotSpec) -> None:
+    def __init__(self, robot: RobotSpec, shape: NetworkShape) -> None:
         super().__init__()
-        self.encoder = Encoder(robot.lidar.beams, robot.drive)
-        self.hidden = nn.Linear(FEATURES, HIDDEN)
-        self.action = nn.Linear(HIDDEN, 2)
+        self.encoder = Encoder(shape, robot.lidar.beams, robot.drive)
+        self.hidden = nn.Linear(shape.features, shape.hidden)
+        self.action = nn.Linear(shape.hidden, 2)
         low, high = robot.drive.speed
         turn = robot.drive.turn_rate
         self.register_buffer("middle", torch.tensor([(low + high) / 2, 0.0]), persistent=False)

@@ -14,7 +14,7 @@ from hpp_framework.errors import CheckpointError
 from hpp_framework.robot import RobotSpec
 from hpp_framework.skill import Skill
 from hpp_framework.types import Observation
-from hpp_skills.p2p.network import PolicyNetwork
+from hpp_skills.p2p.network import NetworkShape, PolicyNetwork
 
 WEIGHTS = Path(__file__).parent / "weights"
 
@@ -67,7 +67,7 @@ def load(robot: RobotSpec, file: Path | None = None) -> PointToPoint:
             f"there are no p2p weights for robot '{robot.name}' ('{file}'). "
             f"Train them: hpp train skill p2p --robot {robot.name}"
         )
-    weights, _ = load_checkpoint(file, expected_metadata(robot))
-    network = PolicyNetwork(robot)
+    weights, card = load_checkpoint(file, expected_metadata(robot))
+    network = PolicyNetwork(robot, NetworkShape(**card.get("network", {})))
     load_into(network, weights, file)
     return PointToPoint(network)

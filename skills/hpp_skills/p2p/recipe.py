@@ -1,0 +1,93 @@
+"""Everything that decides how a point-to-point policy turns out, in one place that a search can reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any
+
+from hpp_framework.envs.point_to_point import PointToPoint, Practice
+from hpp_framework.errors import ConfigError, suggest
+from hpp_framework.training.ppo import PpoConfig
+from hpp_skills.p2p.network import NetworkShape
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rooms:
+    """The worlds that are practised in.
+
+    Attributes:
+        world: registered world, from easy to hard if its generator takes a ``difficulty``.
+        count: how many different ones.
+        goals: places in each that robots are sent to.
+        clearance: gap between a robot at a start or goal and the nearest obstacle, in metres.
+        comfort: gap to obstacles that the rewarded way prefers to keep, in metres.
+        robots: that practise side by side.
+        robots_per_world: that share a world and are in each other's way.
+        first_share: part of the worlds, the easiest, that training begins with.
+        all_from: share of the training after which all worlds are practised in.
+    """
+
+    world: str = "mixed"
+    count: int = 1200
+    goals: int = 6
+    clearance: float = 0.08
+    comfort: float = 0.3
+    robots: int = 512
+    robots_per_world: int = 2
+    first_share: float = 0.3
+    all_from: float = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How a policy is trained.
+
+    Attributes:
+        reward: the problem and what is rewarded.
+        practice: disturbances.
+        rooms: where.
+        network: how large.
+        ppo: how it learns.
+    """
+
+    reward: PointToPoint = field(default_factory=lambda: PointToPoint(
+        goal_distance=(0.5, 12.0), max_steps=200, progress=1.0, arrival=3.0, collision=-3.0, touch=-0.2,
+        step=-0.02, turn=-0.005, linger=0.3,
+    ))  # fmt: skip
+    practice: Practice = field(default_factory=Practice)
+    rooms: Rooms = field(default_factory=Rooms)
+    network: NetworkShape = field(default_factory=NetworkShape)
+    ppo: PpoConfig = field(default_factory=PpoConfig)
+
+    def altered(self, settings: Mapping[str, Any]) -> Recipe:
+        """Return a copy with other settings.
+
+        Args:
+            settings: values by dotted name, e.g. ``{"reward.touch": -0.4, "network.hidden": 64}``.
+
+        Raises:
+            ConfigError: if a name is unknown, or a value is of another type than the one it replaces.
+        """
+        recipe = self
+        for name, value in settings.items():
+            recipe = _altered(recipe, name, name.split("."), value)
+        return recipe
+
+
+def _altered(owner: Any, name: str, path: list[str], value: Any) -> Any:
+    known = [each.name for each in fields(owner)]
+    if path[0] not in known:
+        hint = suggest(path[0], known).strip()
+        raise ConfigError(f"'{name}' is no setting of the recipe: {path[0]!r} is unknown. {hint} Known here: "
+                          f"{', '.join(known)}.")  # fmt: skip
+    old = getattr(owner, path[0])
+    if is_dataclass(old) and len(path) > 1:
+        return replace(owner, **{path[0]: _altered(old, name, path[1:], value)})
+    if is_dataclass(old) or len(path) > 1:
+        raise ConfigError(f"'{name}' names no single setting of the recipe; give it as 'reward.touch'.")
+    if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(old):
+        raise ConfigError(f"'{name}' must be of the kind of {old!r}, got {value!r}.")
+    return replace(owner, **{path[0]: value})
