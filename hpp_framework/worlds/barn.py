@@ -108,7 +108,8 @@ def may_cross(cells: npt.NDArray[np.bool_]) -> bool:
     fine = cv2.resize(solid, None, fx=_ZOOM, fy=_ZOOM, interpolation=cv2.INTER_NEAREST)
     walled = np.pad(1 - fine, ((1, 1), (0, 0)))
     distance = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1]
-    return _connected(distance * (FIELD / CELLS / _ZOOM) > ROBOT_RADIUS + CLEARANCE)
+    pixel = FIELD / CELLS / _ZOOM
+    return _connected(distance * pixel > ROBOT_RADIUS + CLEARANCE - pixel / 4)
 
 
 def crossable(world: World) -> bool:

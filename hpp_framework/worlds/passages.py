@@ -8,13 +8,17 @@ from hpp_framework.worlds.recipe import between, generate, rectangle
 from hpp_framework.worlds.world import Box, Cylinder, SpawnRule, World
 
 WIDTH = (1.4, 0.75)
-"""Narrowest passages in metres at difficulty 0 and 1; the widest are half a metre wider in easy worlds."""
+"""Width of passages in metres at difficulty 0 and 1, of which each wall has up to 5 % more."""
 
 SIDE = (10.0, 14.0)
 THICK = (0.4, 1.6)
 THIN = (0.08, 0.2)
+HALL = 1.2
+"""Least depth in metres of the space between two walls."""
+
+JITTER = 0.3
 STAGGER = 1.8
-"""Least distance in metres between passages of neighbouring walls, across the way through."""
+"""Least distance in metres between passages, across the way through, where there is room."""
 
 PILLAR_GAP = 1.0
 """Least free width in metres around a pillar."""
@@ -37,13 +41,15 @@ def passages(rng: np.random.Generator, *, difficulty: float | None = None) -> Wo
 def _draw(rng: np.random.Generator, difficulty: float) -> World:
     length, width = rng.uniform(*SIDE, 2).tolist()
     walls = 1 + int(rng.random() < between(0.3, 0.7, difficulty)) + int(rng.random() < 0.3 * difficulty)
+    pitch = length / (walls + 1)
     boxes: list[Box] = []
     openings: list[float] = []
     for index in range(walls):
         thickness = float(rng.uniform(*(THICK if rng.random() < between(0.3, 0.6, difficulty) else THIN)))
-        x = length * ((index + 1) / (walls + 1) - 0.5) + float(rng.uniform(-0.5, 0.5))
+        thickness = min(thickness, pitch - HALL - 2 * JITTER)
+        x = pitch * (index + 1) - length / 2 + float(rng.uniform(-JITTER, JITTER))
         openings = _openings(rng, difficulty, width, openings)
-        gap = between(*WIDTH, difficulty) * float(rng.uniform(1.0, 1.05))
+        gap = min(between(*WIDTH, difficulty) * float(rng.uniform(1.0, 1.05)), WIDTH[0])
         start = -width / 2
         for opening in sorted(openings):
             boxes.append(rectangle(x - thickness / 2, start, x + thickness / 2, opening - gap / 2))
@@ -65,7 +71,7 @@ def _draw(rng: np.random.Generator, difficulty: float) -> World:
 def _openings(
     rng: np.random.Generator, difficulty: float, width: float, previous: list[float]
 ) -> list[float]:
-    """Return the middles of a wall's passages, away from those of the wall before and from each other."""
+    """Draw the middles of a wall's passages, away from those of the wall before and from each other."""
     reach = width / 2 - 1.0
     count = 1 + int(rng.random() < between(0.6, 0.2, difficulty))
     chosen: list[float] = []
