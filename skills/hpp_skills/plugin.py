@@ -8,6 +8,10 @@ from hpp_framework.registry import Hub
 def register(hub: Hub) -> None:
     """Add every skill of this package."""
     hub.skills.add("p2p", "hpp_skills.p2p.skill:load", summary="learned point-to-point navigation")
+    hub.skills.add("dwa", "hpp_skills.dwa.skill:load", summary="dynamic window approach; needs no training")
+    hub.skills.add(
+        "pure-pursuit", "hpp_skills.pure_pursuit:load", summary="straight to the goal, avoids nothing"
+    )
     hub.skill_trainers.add("p2p", "hpp_skills.p2p.train:train", summary="PPO on random furnished rooms")
     hub.checkpoints.add(
         "hpp_skills.p2p", "hpp_skills.p2p.skill:predictor_folder", summary="motion models of p2p"

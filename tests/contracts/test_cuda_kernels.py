@@ -12,6 +12,7 @@ MODULES = (
     "hpp_framework.sim.lidar_kernels",
     "hpp_framework.prediction.delta_kernels",
     "hpp_framework.prediction.depth_kernels",
+    "hpp_skills.dwa.window_kernels",
     "hpp_framework.worlds.geodesic_kernels",
 )
 
