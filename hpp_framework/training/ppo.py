@@ -48,7 +48,9 @@ class PpoConfig:
         gamma: discount a control step.
         gae_lambda: lambda of generalised advantage estimation, between bias (0) and variance (1).
         ent_coef: weight of the entropy in the loss.
-        log_std_init: logarithm of the actions' standard deviation at the start, actions in [-1, 1].
+        log_std_init: logarithm of the actions' standard deviation at the start, actions in [-1, 1]; it falls
+            linearly, since left to itself it stays too large to pass narrow places.
+        log_std_final: that at the end.
         hidden: units of the hidden layers, of actor and critic each.
     """
 
@@ -61,6 +63,7 @@ class PpoConfig:
     gae_lambda: float = 0.95
     ent_coef: float = 0.0
     log_std_init: float = -0.3
+    log_std_final: float = -1.6
     hidden: tuple[int, ...] = (128,)
 
 
@@ -178,9 +181,12 @@ class _Policy(MultiInputActorCriticPolicy):
 class _Progress(BaseCallback):
     """Progress bar, learning curve on disk, resumable snapshots, clean interruption."""
 
-    def __init__(self, out: Path, total: int, progress: Progress, share: Callable[[float], float]) -> None:
+    def __init__(
+        self, out: Path, total: int, config: PpoConfig, share: Callable[[float], float], progress: Progress
+    ) -> None:
         super().__init__()
         self.out, self.total, self.progress, self.share = out, total, progress, share
+        self.config = config
         self.interrupted = False
         self._began = perf_counter()
         self._task = progress.add_task("training", total=total)
@@ -190,7 +196,11 @@ class _Progress(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         assert isinstance(self.training_env, Sb3Adapter)
-        self.training_env.env.journeys.share = self.share(self.num_timesteps / self.total)
+        done = self.num_timesteps / self.total
+        self.training_env.env.journeys.share = self.share(done)
+        log_std: Any = self.model.policy.log_std
+        log_std.requires_grad_(requires_grad=False)
+        log_std.fill_(self.config.log_std_init * (1 - done) + self.config.log_std_final * done)
 
     def _on_rollout_end(self) -> None:
         assert isinstance(self.training_env, Sb3Adapter)
@@ -261,7 +271,7 @@ def train_ppo(
         model = _fresh(adapter, encoder, width, out, seed, config)
         if initial:
             initial(model)
-    _learn(model, out, steps, share)
+    _learn(model, out, steps, config, share)
     return model
 
 
@@ -297,11 +307,11 @@ def _tensorboard(out: Path) -> str | None:
     return str(out / "tensorboard") if find_spec("tensorboard") else None
 
 
-def _learn(model: PPO, out: Path, steps: int, schedule: Callable[[float], float]) -> None:
+def _learn(model: PPO, out: Path, steps: int, config: PpoConfig, share: Callable[[float], float]) -> None:
     """Train up to ``steps`` in all; an interruption ends the update, saves and raises KeyboardInterrupt."""
     left = steps - model.num_timesteps
     with Progress() as progress:
-        callback = _Progress(out, steps, progress, schedule)
+        callback = _Progress(out, steps, config, share, progress)
         previous = signal.signal(signal.SIGINT, lambda *_: setattr(callback, "interrupted", True))
         try:
             if left > 0:
