@@ -298,6 +298,10 @@ def test_legs_stand_in_the_way_of_pure_pursuit_only(fetch):
     """Thin legs, 1 m apart: what a lidar sees with a beam or two."""
     legs = tuple(Cylinder(center=(x, y), radius=0.03) for x in (1.5, 2.6) for y in (-1.0, 0.0, 1.0))
     world = dataclasses.replace(OPEN, cylinders=legs)
-    states = drive(DynamicWindow(fetch), fetch, world, at(0.0, 0.0, 0.0), (at(5.0, 0.0), 120))
-    assert not bool(touched(states).any())
-    assert distances(states[-1], at(5.0, 0.0)).max() < 0.25
+    start, goal = at(0.0, 0.0, 0.0), at(5.0, 0.0)
+    around, into = (
+        drive(hub().skills.create(name, fetch), fetch, world, start, (goal, 120)) for name in CLASSICAL
+    )
+    assert not bool(touched(around).any())
+    assert distances(around[-1], goal).max() < 0.25
+    assert bool(touched(into).all())

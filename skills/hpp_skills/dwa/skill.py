@@ -26,9 +26,13 @@ class DynamicWindow(Skill):
 
     Of each command the arc is imagined that it leads to. Its clearance is how far the footprint may drive
     along it before it meets a point of the scan. Commands that the robot could not brake from within that are
-    out; of the others, the weighted sum of heading, progress, clearance and speed decides. The robot drives
-    forward only; what its lidar does not see counts as free. It keeps no memory: a dead end deeper than what
-    it sees from inside is one.
+    out; of the others, the weighted sum of heading, progress, clearance and speed decides.
+
+    Two things go past Fox et al., who steer for the goal and see all around. Where the way to the goal is
+    blocked, the robot heads for the free direction nearest to it. And points that have left the field of view
+    within the observation's history still count, if they are close. The robot drives forward only; whatever
+    else it does not see counts as free. It plans no further than its look-ahead: it does not find out of dead
+    ends that are deeper than a few metres.
 
     Args:
         robot: whose drive limits, footprint and lidar count.

@@ -16,8 +16,8 @@ RETREAT = wp.constant(0.002)
 DIRECTIONS = wp.constant(72)
 BLOCKED = wp.constant(-20.0)
 UNSEEN = wp.constant(-15.0)
-"""Merits of directions that are blocked at once, and of those that the lidar does not see: a direction that is
-free for less than half as far as it should be is worse than one that is not seen."""
+"""Merits of directions that are blocked at once, and of those that the lidar does not see: a direction that
+is free for less than half as far as it should be is worse than one that is not seen."""
 INADMISSIBLE = wp.constant(-1.0e3)
 HASTY = wp.constant(-10.0)
 """Scores of commands that cannot be stopped from in time, and of those that turn into what is not seen."""
