@@ -101,7 +101,7 @@ def competence_card(rows: Sequence[SkillRow]) -> dict[str, Any]:
 
     To make one, drive journeys that fill the map and hand the episodes over::
 
-        trial = Trial(goal_distance=(1.0, 15.0), clearance=0.05, draw="even", seed=seed)
+        trial = Trial(episodes=600, goal_distance=(1.0, 15.0), clearance=0.05, draw="even", seed=seed)
         card = competence_card(skill_episodes(skill, robot, trial))
 
     Args:

@@ -93,6 +93,7 @@ def draw_journeys(robot: RobotSpec, trial: Trial, *, progress: Progress = lambda
     factory = resolve_world(trial.world)
     counts = np.zeros((len(DISTANCES) - 1, len(CLEARANCES) - 1), np.int64)
     drawn: list[_Journey] = []
+    spaces: list[FreeSpace] = []
     ways: list[Ways] = []
     for index in range(trial.episodes):
         # the worlds of a pool of the same seed
@@ -108,8 +109,10 @@ def draw_journeys(robot: RobotSpec, trial: Trial, *, progress: Progress = lambda
                 f"with a clearance of {trial.clearance:g} m. Ask for nearer goals or less clearance."
             )
         drawn.append(found)
-        if len(drawn) % CHUNK == 0 or len(drawn) == trial.episodes:
-            ways.append(_ways(drawn[sum(len(known.straight) for known in ways) :], robot))
+        spaces.append(_space(found.world, robot))
+        if len(spaces) == CHUNK or len(drawn) == trial.episodes:
+            ways.append(_ways(drawn[-len(spaces) :], spaces, robot))
+            spaces.clear()
         progress(len(drawn))
     return _journeys(drawn, ways, robot)
 
@@ -203,9 +206,9 @@ def _least_filled(
     return (bins[0] == column) & (bins[1] == row)
 
 
-def _ways(journeys: list[_Journey], robot: RobotSpec) -> Ways:
+def _ways(journeys: list[_Journey], spaces: list[FreeSpace], robot: RobotSpec) -> Ways:
     return journey_ways(
-        [_space(journey.world, robot) for journey in journeys],
+        spaces,
         robot.footprint_radius,
         np.stack([journey.pose[:2] for journey in journeys]),
         np.stack([journey.goal for journey in journeys]),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -52,7 +52,7 @@ class SkillStudy:
     skills: tuple[str, ...]
     robot: str
     worlds: tuple[str, ...]
-    episodes: int = 500
+    episodes: int = 600
     goal_distance: tuple[float, float] = (1.0, 15.0)
     clearance: float = 0.05
     draw: Draw = "even"
@@ -121,14 +121,26 @@ def run_study(study: SkillStudy, out: Path, *, progress: Progress = lambda *_: N
     }
     maps = {cell: competence_map(part) for cell, part in cells.items()}
     write_competence(out / COMPETENCE, maps)
-    plot_competence(out / PICTURE, maps, title=f"{study.robot}, {study.backend}, seed {study.seed}")
+    common = {
+        name: getattr(study, name)
+        for name in ("robot", "backend", "seed", "draw", "goal_distance", "clearance")
+    }
+    plot_competence(out / PICTURE, maps, title=describe(common))
     summary = [
-        {"skill": skill, "world": world, "robot": study.robot, "backend": study.backend, "seed": study.seed}
-        | competence_card(part)
+        {"skill": skill, "world": world, **common, **competence_card(part)}
         for (skill, world), part in cells.items()
     ]
     _write(out / folder.SUMMARY, json.dumps(summary, indent=2) + "\n")
     return summary
+
+
+def describe(summary: Mapping[str, Any]) -> str:
+    """Return in a line what episodes the numbers of a summary come from."""
+    near, far = summary["goal_distance"]
+    return (
+        f"{summary['robot']}, {summary['backend']}, seed {summary['seed']}: goals {near:g} to {far:g} m "
+        f"away, {summary['draw']} draw, clearance of {summary['clearance']:g} m or more at both ends"
+    )
 
 
 def _run_world(
