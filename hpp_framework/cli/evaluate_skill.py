@@ -85,7 +85,7 @@ def skill_table(summary: list[dict[str, Any]]) -> Table:
     table = Table(box=None, title=escape(describe(summary[0])), title_justify="left", title_style="")
     for column in (
         "skill", "world", "success", "95 % interval", "clean", "collided", "froze", "SPL", "95 % interval",
-        "time s", "/ bound", "trusted",
+        "time s", "/ bound", "trusted bins",
     ):  # fmt: skip
         table.add_column(column, justify="left" if column in ("skill", "world") else "right")
     for row in summary:
@@ -93,10 +93,10 @@ def skill_table(summary: list[dict[str, Any]]) -> Table:
         trusted = sum(each["trusted"] for each in row["bins"])
         table.add_row(
             escape(row["skill"]), escape(row["world"]), f"{score['success']:.3f}",
-            f"{score['success_low']:.3f} .. {score['success_high']:.3f}", f"{score['clean']:.3f}",
+            f"{score['success_low']:.3f}-{score['success_high']:.3f}", f"{score['clean']:.3f}",
             f"{score['collision']:.3f}", f"{score['freeze']:.3f}", f"{score['spl']:.3f}",
-            f"{score['spl_low']:.3f} .. {score['spl_high']:.3f}", _number(score["time_median_s"], ".1f"),
-            _number(score["time_ratio_median"], ".2f"), f"{trusted}/{len(row['bins'])} bins",
+            f"{score['spl_low']:.3f}-{score['spl_high']:.3f}", _number(score["time_median_s"], ".1f"),
+            _number(score["time_ratio_median"], ".2f"), f"{trusted}/{len(row['bins'])}",
         )  # fmt: skip
     return table
 
