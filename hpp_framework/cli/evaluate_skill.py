@@ -84,7 +84,7 @@ def skill_table(summary: list[dict[str, Any]]) -> Table:
 
     table = Table(box=None, title=escape(describe(summary[0])), title_justify="left", title_style="")
     for column in (
-        "skill", "world", "success", "95 % interval", "clean", "collided", "froze", "SPL", "95 % interval",
+        "skill", "world", "success", "95 %", "clean", "collided", "froze", "SPL", "95 %",
         "time s", "/ bound", "trusted bins",
     ):  # fmt: skip
         table.add_column(column, justify="left" if column in ("skill", "world") else "right")

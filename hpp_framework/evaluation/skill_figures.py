@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from matplotlib import colormaps
@@ -18,8 +19,10 @@ from hpp_framework.files import replacing
 
 PANEL = (4.6, 3.3)
 """Inches a map."""
-LEGEND = 0.75
-"""Inches under the maps."""
+LEGEND = 0.9
+"""Inches above and under the maps."""
+LINE = 64
+"""Letters of the title that fit above a map."""
 SHADES = "YlGnBu"
 DARK = 0.6
 """Success from which a cell's text is white."""
@@ -56,7 +59,7 @@ def plot_competence(
             _draw(axes, maps[skill, world])
             axes.set_title(f"{skill} in {world}", fontsize=10)
     rule = f"hatched: not trusted (fewer than {TRUSTED_EPISODES} episodes, or success below {TRUSTED_SHARE})"
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(fill(title, LINE * len(worlds)), fontsize=10)
     figure.supxlabel(f"success over episodes; {rule}", fontsize=8, color="#4a4f59")
     return _save(figure, file)
 
