@@ -122,6 +122,7 @@ class Hub:
     - ``predictors``: ``(request: PredictorRequest) -> Predictor``
     - ``predictor_trainers``: ``(config: PredictorTraining) -> Path``
     - ``skill_trainers``: ``(config: SkillTraining) -> Path``
+    - ``skill_searches``: ``() -> SkillSearch``, of the skill trainer of the same name
     - ``checkpoints``: ``() -> Path``, a folder of weights that predictors search
     """
 
@@ -133,6 +134,7 @@ class Hub:
     predictors: Registry[Any] = _registry("predictor")
     predictor_trainers: Registry[Any] = _registry("predictor trainer")
     skill_trainers: Registry[Any] = _registry("skill trainer")
+    skill_searches: Registry[Any] = _registry("skill search")
     checkpoints: Registry[Any] = _registry("checkpoint folder")
 
     def registries(self) -> dict[str, Registry[Any]]:

@@ -15,6 +15,7 @@ from hpp_framework.cli.doctor import Doctor
 from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.list import List
 from hpp_framework.cli.run import Run
+from hpp_framework.cli.search import Search
 from hpp_framework.cli.train import Train
 from hpp_framework.errors import HppError
 from hpp_framework.memory import keep_freed_memory
@@ -25,6 +26,7 @@ Command = (
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[Collect, tyro.conf.subcommand("collect")]
     | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Search, tyro.conf.subcommand("search")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
@@ -58,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _after_interruption(command: object) -> str:
-    if isinstance(command, Evaluate | Collect | Train):
+    if isinstance(command, Evaluate | Collect | Train | Search):
         return "What was finished is kept; the same command resumes."
     if isinstance(command, Bench):
         return f"What was finished is in '{command.out}'; the same command starts over."

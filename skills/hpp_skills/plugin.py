@@ -13,6 +13,7 @@ def register(hub: Hub) -> None:
         "pure-pursuit", "hpp_skills.pure_pursuit:load", summary="straight to the goal, avoids nothing"
     )
     hub.skill_trainers.add("p2p", "hpp_skills.p2p.train:train", summary="PPO on random furnished rooms")
+    hub.skill_searches.add("p2p", "hpp_skills.p2p.search:search", summary="reward, then network, of p2p")
     hub.checkpoints.add(
         "hpp_skills.p2p", "hpp_skills.p2p.skill:predictor_folder", summary="motion models of p2p"
     )

@@ -1,0 +1,104 @@
+"""What a search may change about the point-to-point policy, and what it is judged by."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from functools import reduce
+from pathlib import Path
+
+from hpp_framework.evaluation.skill import evaluate_skill
+from hpp_framework.evaluation.statistics import wilson_interval
+from hpp_framework.robot import RobotSpec
+from hpp_framework.seeding import child_seed
+from hpp_framework.training.ppo import CURVE
+from hpp_framework.training.search_space import Choice, Phase, Range, SkillSearch
+from hpp_skills.p2p.recipe import Recipe
+from hpp_skills.p2p.skill import load
+
+WORLDS = ("training", "rooms", "passages", "legs")
+JOURNEYS = 125
+"""In each world, each in a world of its own."""
+
+REWARD = Phase("reward", {
+    "reward.progress": Range(0.5, 2.0),
+    "reward.arrival": Range(1.0, 10.0, log=True),
+    "reward.collision": Range(-6.0, -0.5),
+    "reward.touch": Range(-0.8, -0.05),
+    "reward.step": Range(-0.06, 0.0),
+    "reward.turn": Range(-0.02, 0.0),
+    "reward.linger": Range(0.05, 0.6),
+    "rooms.comfort": Range(0.1, 0.6),
+    "practice.end_on_touch": Range(0.0, 1.0),
+    "ppo.gamma": Choice((0.98, 0.985, 0.99, 0.993)),
+})  # fmt: skip
+NETWORK = Phase("network", {
+    "network.scan": Choice(("conv", "dense")),
+    "network.channels": Choice((8, 16, 24)),
+    "network.features": Range(96, 256),
+    "network.hidden": Range(64, 256),
+    "ppo.learning_rate": Range(1e-4, 1e-3, log=True),
+    "ppo.n_epochs": Range(2, 5),
+    "ppo.batch_size": Choice((2048, 4096)),
+})  # fmt: skip
+
+
+def search() -> SkillSearch:
+    """Return the search: first the reward, then the network and how it learns."""
+    recipe = Recipe()
+    names = [name for phase in (REWARD, NETWORK) for name in phase.parameters]
+    return SkillSearch(
+        phases=(REWARD, NETWORK),
+        start={name: reduce(getattr, name.split("."), recipe) for name in names},
+        objective=judge,
+        curve=practice_success,
+    )
+
+
+def judge(weights: Path, robot: RobotSpec, seed: int) -> dict[str, float]:
+    """Return how a policy does on journeys in four kinds of unseen worlds.
+
+    The score is the mean over kinds of worlds of the mean of success and clean success, so that half of a
+    success is lost by a touch. Shares of all journeys come with their 95 % Wilson bounds.
+
+    Args:
+        weights: of the policy.
+        robot: that it was trained for.
+        seed: of the journeys.
+    """
+    skill = load(robot, weights)
+    judged = {
+        world: evaluate_skill(
+            skill, robot, world=world, episodes=JOURNEYS, seed=child_seed(seed, "search journeys", world)
+        )
+        for world in WORLDS
+    }
+    found = {"score": sum((each.success + each.clean) / 2 for each in judged.values()) / len(judged)}
+    for name in ("success", "clean"):
+        shares = [getattr(each, name) for each in judged.values()]
+        journeys = JOURNEYS * len(judged)
+        share = sum(shares) / len(shares)
+        low, high = wilson_interval(round(share * journeys), journeys)
+        found |= {name: share, f"{name}_low": low, f"{name}_high": high}
+        found |= {f"{name}_{world}": value for world, value in zip(judged, shares, strict=True)}
+    spl = sum(each.spl for each in judged.values()) / len(judged)
+    return {**found, "spl": spl, "journeys": float(JOURNEYS * len(judged))}
+
+
+def practice_success(folder: Path) -> dict[int, float]:
+    """Return the success in practice by control steps, each over the last 2,000 episodes.
+
+    Touches that end an episode (``practice.end_on_touch``) make practice harder, so this favours policies
+    that were practised more leniently: it is only good for telling hopeless trainings early.
+
+    Args:
+        folder: of a training, which may still go on.
+    """
+    curve = folder / CURVE
+    found: dict[int, float] = {}
+    for line in curve.read_text().splitlines() if curve.exists() else []:
+        # the last line may be half written; of steps that were gone over twice the last time counts
+        with suppress(json.JSONDecodeError):
+            row = json.loads(line)
+            found[row["steps"]] = row["success"]
+    return found
