@@ -31,8 +31,8 @@ class DynamicWindow(Skill):
     Two things go past Fox et al., who steer for the goal and see all around. Where the way to the goal is
     blocked, the robot heads for the free direction nearest to it. And points that have left the field of view
     within the observation's history still count, if they are close. The robot drives forward only; whatever
-    else it does not see counts as free. It plans no further than its look-ahead: it does not find out of dead
-    ends that are deeper than a few metres.
+    else it does not see counts as free. It has no map, so it may stay in dead
+    ends and behind long walls across the way.
 
     Args:
         robot: whose drive limits, footprint and lidar count.
