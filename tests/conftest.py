@@ -109,8 +109,9 @@ def tiny_training(monkeypatch: pytest.MonkeyPatch) -> None:
     from hpp_skills.p2p import train
     from hpp_skills.p2p.recipe import Recipe, Rooms
 
-    from hpp_framework.evaluation.skill import evaluate_skill
+    from hpp_framework.evaluation.trial import Trial
 
     rooms = Rooms(world="training", count=1, goals=2, robots=2)
     monkeypatch.setattr(train, "Recipe", partial(Recipe, rooms=rooms))
-    monkeypatch.setattr(train, "evaluate_skill", partial(evaluate_skill, episodes=1, steps=2))
+    monkeypatch.setattr(train, "JUDGED", {"training": {"episodes": 1, "steps": 2}})
+    monkeypatch.setattr(train, "Trial", partial(Trial, episodes=1, steps=2))

@@ -79,6 +79,8 @@ class Sb3Adapter(VecEnv):
         self._actions: npt.NDArray[np.float32] = np.zeros(0, np.float32)
         self.recent: deque[bool] = deque(maxlen=WINDOW)
         self.touch_share: deque[float] = deque(maxlen=500)
+        self.critic: Callable[[dict[str, torch.Tensor]], torch.Tensor] | None = None
+        self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
         super().__init__(
             env.num_envs, env.single_observation_space, spaces.Box(-1, 1, space.shape, np.float32)
         )
@@ -97,15 +99,25 @@ class Sb3Adapter(VecEnv):
         """Step everybody and keep count of successes."""
         observation, reward, over, truncated, info = self.env.step(self._actions)
         done = over | truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for index in np.nonzero(done)[0]:
-            final = info["final_obs"][index]
-            infos[index] = {"terminal_observation": final, "TimeLimit.truncated": bool(truncated[index])}
+        if done.any():
             # robots cut short by their neighbour's end say nothing about success
-            if over[index] or info["final_info"]["steps"][index] >= self.env.problem.max_steps:
-                self.recent.append(bool(info["final_info"]["success"][index]))
+            told = over | (info["final_info"]["steps"] >= self.env.problem.max_steps)
+            self.recent.extend(info["final_info"]["success"][done & told].tolist())
+        if truncated.any():
+            reward = reward + truncated * self._worth(info["final_obs"], truncated)
         self.touch_share.append(float(info["touched"].mean()))
-        return observation, reward.astype(np.float32), done, infos
+        return observation, reward.astype(np.float32), done, self._infos
+
+    def _worth(
+        self, final: npt.NDArray[np.object_], truncated: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.float32]:
+        """Return what was still to come where an episode was cut short, all in one call of the critic."""
+        worth = np.zeros(self.num_envs, np.float32)
+        if self.critic:
+            rows = final[truncated]
+            stacked = {name: torch.from_numpy(np.stack([row[name] for row in rows])) for name in rows[0]}
+            worth[truncated] = self.critic(stacked).flatten().numpy()
+        return worth
 
     def close(self) -> None:
         """Do nothing: the simulator frees itself."""
@@ -302,6 +314,12 @@ def _fresh(
     )  # fmt: skip
 
 
+@torch.no_grad()
+def _discounted_value(model: PPO, observations: dict[str, torch.Tensor]) -> torch.Tensor:
+    policy: Any = model.policy
+    return model.gamma * policy.predict_values(observations)
+
+
 def _tensorboard(out: Path) -> str | None:
     """Return the folder of TensorBoard's logs, or None where it is not installed (extra ``logging``)."""
     return str(out / "tensorboard") if find_spec("tensorboard") else None
@@ -310,11 +328,14 @@ def _tensorboard(out: Path) -> str | None:
 def _learn(model: PPO, out: Path, steps: int, config: PpoConfig, share: Callable[[float], float]) -> None:
     """Train up to ``steps`` in all; an interruption ends the update, saves and raises KeyboardInterrupt."""
     left = steps - model.num_timesteps
+    adapter = model.get_env()
+    assert isinstance(adapter, Sb3Adapter)
     with Progress() as progress:
         callback = _Progress(out, steps, config, share, progress)
         previous = signal.signal(signal.SIGINT, lambda *_: setattr(callback, "interrupted", True))
         try:
             if left > 0:
+                adapter.critic = partial(_discounted_value, model)
                 model.learn(left, callback=callback, reset_num_timesteps=False)
         finally:
             signal.signal(signal.SIGINT, previous)

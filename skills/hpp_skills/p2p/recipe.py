@@ -29,9 +29,9 @@ class Rooms:
     """
 
     world: str = "mixed"
-    count: int = 1200
+    count: int = 2000
     goals: int = 6
-    clearance: float = 0.08
+    clearance: float = 0.05
     comfort: float = 0.3
     robots: int = 512
     robots_per_world: int = 2
@@ -52,13 +52,15 @@ class Recipe:
     """
 
     reward: PointToPoint = field(default_factory=lambda: PointToPoint(
-        goal_distance=(0.5, 12.0), max_steps=200, progress=1.0, arrival=3.0, collision=-3.0, touch=-0.2,
-        step=-0.02, turn=-0.005, linger=0.3,
+        goal_distance=(0.5, 12.0), max_steps=200, progress=1.0, arrival=3.0, collision=-2.5, touch=-0.2,
+        step=-0.05, turn=-0.005, linger=0.3,
     ))  # fmt: skip
     practice: Practice = field(default_factory=Practice)
     rooms: Rooms = field(default_factory=Rooms)
     network: NetworkShape = field(default_factory=NetworkShape)
-    ppo: PpoConfig = field(default_factory=PpoConfig)
+    ppo: PpoConfig = field(
+        default_factory=lambda: PpoConfig(learning_rate=5e-4, n_epochs=3, log_std_final=-2.3)
+    )
 
     def altered(self, settings: Mapping[str, Any]) -> Recipe:
         """Return a copy with other settings.

@@ -8,13 +8,17 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from time import time
+from typing import Any
 
 import torch
 from stable_baselines3 import PPO
 
 from hpp_framework.checkpoints import load_checkpoint, load_into, portable, save_checkpoint
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
-from hpp_framework.evaluation.skill import evaluate_skill
+from hpp_framework.evaluation.competence import competence_card
+from hpp_framework.evaluation.skill import evaluate_skill, skill_episodes
+from hpp_framework.evaluation.skill_score import SkillRow
+from hpp_framework.evaluation.trial import Trial
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import child_seed
@@ -28,6 +32,13 @@ from hpp_skills.p2p.recipe import Recipe, Rooms
 from hpp_skills.p2p.skill import PointToPoint as PointToPointSkill
 from hpp_skills.p2p.skill import expected_metadata
 
+JUDGED: dict[str, dict[str, Any]] = {
+    name: {"world": name, "clearance": clearance, "episodes": 300}
+    for name, clearance in (
+        ("training", 0.15), ("rooms", 0.05), ("passages", 0.05), ("legs", 0.15), ("barn", 0.05)
+    )
+}  # fmt: skip
+"""Worlds that a finished policy is judged in, and the gap to obstacles that its journeys can keep."""
 TRANSFER = {"ppo.learning_rate": 1e-4, "ppo.log_std_init": -1.2}
 """Settings for starting from another policy: small steps and little exploration keep what it knows."""
 
@@ -68,11 +79,36 @@ def train(config: SkillTraining) -> Path:
     }
     if config.judge:
         seed = child_seed(config.seed, "unseen worlds")
-        metadata["unseen_worlds"] = asdict(evaluate_skill(PointToPointSkill(network), robot, seed=seed))
+        metadata |= judged(PointToPointSkill(network), robot, seed)
     save_checkpoint(file, network.state_dict(), metadata)
     draw_learning_curve(config.out)
     remove_snapshot(config.out)
     return file
+
+
+def judged(skill: PointToPointSkill, robot: RobotSpec, seed: int) -> dict[str, object]:
+    """Return how well a policy drives in unseen worlds, for its card.
+
+    Args:
+        skill: the policy.
+        robot: what it drives.
+        seed: of the worlds.
+
+    Returns:
+        ``unseen_worlds``: scores by world of goals 5 to 10 m away; ``competence``: the map of where it may be
+        trusted, over all those worlds.
+    """
+    scores = {name: evaluate_skill(skill, robot, seed=seed, **trial) for name, trial in JUDGED.items()}
+    rows: list[SkillRow] = []
+    for name in JUDGED:
+        trial = Trial(
+            world=name, episodes=200, goal_distance=(1.0, 15.0), clearance=0.05, draw="even", seed=seed
+        )
+        rows += skill_episodes(skill, robot, trial)
+    return {
+        "unseen_worlds": {name: asdict(score) for name, score in scores.items()},
+        "competence": competence_card(rows),
+    }
 
 
 def _env(recipe: Recipe, robot: RobotSpec, seed: int) -> PointToPointVectorEnv:
