@@ -57,7 +57,7 @@ def _cycles(robot: str, settings: Settings) -> Measurement:
     with TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         config = SkillTraining(
             robot=robot, out=Path(folder), seed=settings.seed, steps=settings.pick(96, 60_000, 200_000),
-            threads=settings.threads,
+            threads=settings.threads, judge=False,
         )  # fmt: skip
         hub().skill_trainers.create(settings.skill, config)
         curve = Path(folder) / "curve.jsonl"

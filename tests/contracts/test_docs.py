@@ -1,4 +1,4 @@
-"""The Python examples of README.md and docs/environments.md run as they are printed."""
+"""The Python examples of README.md and of pages in docs run as they are printed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "docs/environments.md")
+PAGES = ("README.md", "docs/environments.md", "docs/skills.md")
 EXAMPLES = [
     (page, number, code)
     for page in PAGES
@@ -17,7 +17,7 @@ EXAMPLES = [
 
 
 def test_every_page_has_examples():
-    assert [sum(page == name for page, _, _ in EXAMPLES) for name in PAGES] == [2, 3]
+    assert [sum(page == name for page, _, _ in EXAMPLES) for name in PAGES] == [2, 3, 2]
 
 
 @pytest.mark.parametrize(

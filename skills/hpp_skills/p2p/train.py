@@ -39,7 +39,7 @@ JUDGED: dict[str, dict[str, Any]] = {
     )
 }  # fmt: skip
 """Worlds that a finished policy is judged in, and the gap to obstacles that its journeys can keep."""
-TRANSFER = {"ppo.learning_rate": 1e-4, "ppo.log_std_init": -1.2}
+TRANSFER = {"ppo.learning_rate": 2e-4, "ppo.log_std_init": -1.2, "rooms.first_share": 1.0}
 """Settings for starting from another policy: small steps and little exploration keep what it knows."""
 
 
@@ -57,7 +57,7 @@ def train(config: SkillTraining) -> Path:
     initial = _initial(config.init, robot, recipe) if config.init else None
     started = time()
     model = train_ppo(
-        _env(recipe, robot, config.seed),
+        _env(recipe, robot, config),
         partial(Encoder, recipe.network, robot.lidar.beams, robot.drive),
         recipe.network.features,
         out=config.out,
@@ -111,15 +111,17 @@ def judged(skill: PointToPointSkill, robot: RobotSpec, seed: int) -> dict[str, o
     }
 
 
-def _env(recipe: Recipe, robot: RobotSpec, seed: int) -> PointToPointVectorEnv:
+def _env(recipe: Recipe, robot: RobotSpec, config: SkillTraining) -> PointToPointVectorEnv:
     rooms = recipe.rooms
+    # a training has no use for more worlds than it has episodes
+    count = max(1, min(rooms.count, config.steps // recipe.reward.max_steps))
     pool = build_practice_pool(
-        rooms.world, rooms.count, [robot], seed=seed, clearance=rooms.clearance, goals=rooms.goals,
+        rooms.world, count, [robot], seed=config.seed, clearance=rooms.clearance, goals=rooms.goals,
         comfort=rooms.comfort,
     )  # fmt: skip
     return PointToPointVectorEnv(
         rooms.robots, robot=robot, pool=pool, robots_per_world=rooms.robots_per_world,
-        problem=recipe.reward, practice=recipe.practice, seed=seed,
+        problem=recipe.reward, practice=recipe.practice, seed=config.seed,
     )  # fmt: skip
 
 
