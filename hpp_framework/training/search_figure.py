@@ -78,7 +78,7 @@ def _draw_order(axes: Any, phases: Sequence[tuple[Phase, Sequence[TrialRow]]]) -
     axes.set(xlabel="trial, in order", ylabel=SCORE)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, ncols=2)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
 
 
 def _draw_parameter(
@@ -92,12 +92,28 @@ def _draw_parameter(
     if isinstance(parameter, Choice):
         axes.set_xticks(range(len(parameter.values)), [str(value) for value in parameter.values])
         axes.set_xlim(-0.5, len(parameter.values) - 0.5)
-    elif parameter.log:
-        axes.set_xscale("log")
+    else:
+        _span(axes, parameter)
     _draw_scoreless(axes, [x for x, y in points if y is None])
     axes.set_xlabel(name, fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(alpha=0.3)
+
+
+def _span(axes: Any, parameter: Range) -> None:
+    """Show the whole range, whatever part of it was tried."""
+    low, high = float(parameter.low), float(parameter.high)
+    if parameter.log:
+        axes.set_xscale("log")
+        margin = (high / low) ** 0.05
+        axes.set_xlim(low / margin, high * margin)
+        ticks = [low, (low * high) ** 0.5, high]
+        axes.set_xticks(ticks, [f"{tick:.2g}" for tick in ticks])
+        axes.minorticks_off()
+    else:
+        margin = 0.05 * (high - low)
+        axes.set_xlim(low - margin, high + margin)
+        axes.xaxis.set_major_locator(MaxNLocator(4, integer=parameter.whole))
 
 
 def _draw_scoreless(axes: Any, places: Sequence[float]) -> None:

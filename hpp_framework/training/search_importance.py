@@ -58,4 +58,5 @@ def fanova(study: Study) -> dict[str, float] | None:
     scores = [trial.value for trial in finished]
     if find_spec("sklearn") is None or len(finished) < FEWEST or len(set(scores)) < 2:
         return None
-    return get_param_importances(study, evaluator=FanovaImportanceEvaluator(seed=0))
+    shares = get_param_importances(study, evaluator=FanovaImportanceEvaluator(seed=0))
+    return {name: float(share) for name, share in shares.items()}

@@ -27,11 +27,12 @@ def write_report(config: SearchConfig, search: SkillSearch, studies: Sequence[Ph
         search: what was config.
         studies: of the phases that have begun.
     """
-    rows = [row for study in studies for row in study.rows()]
-    finished = [row for row in rows if row.score is not None]
-    if not finished:
+    judged = [[row for row in study.rows() if row.score is not None] for study in studies]
+    if not judged or not judged[0] or judged[0][0].number != 0:
         return
-    baseline, best = finished[0], max(finished, key=lambda row: row.metrics[SCORE])
+    baseline = judged[0][0]
+    # of equals the first of the last phase: it has settings for all that was searched
+    best = max((row for rows in reversed(judged) for row in rows), key=lambda row: row.metrics[SCORE])
     start = {**search.start, **config.settings}
     lines = [
         f"# Search of the skill {config.skill} for {config.robot}",
@@ -98,8 +99,12 @@ def _comparison(baseline: TrialRow, best: TrialRow) -> list[str]:
     ]
     for name, value in baseline.metrics.items():
         new = best.metrics.get(name, float("nan"))
-        lines.append(_table_row([name, f"{value:.4g}", f"{new:.4g}", f"{new - value:+.4f}"]))
+        lines.append(_table_row([name, _short(value), _short(new), f"{new - value:+.4f}"]))
     return [*lines, ""]
+
+
+def _short(value: float) -> str:
+    return f"{round(value, 4):g}"
 
 
 def _changes(start: Mapping[str, Value], best: TrialRow) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from contextlib import suppress
 
 import pytest
@@ -364,6 +365,35 @@ def test_the_command_searches_and_says_how_to_train_the_winner(tmp_path, capsys)
             main([*arguments, *wrong])
         assert ended.value.code == 2
         assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_without_optuna_the_command_says_how_to_get_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    for name in ("search", "search_phase", "search_report", "search_study"):
+        monkeypatch.delitem(sys.modules, f"hpp_framework.training.{name}", raising=False)
+    with pytest.raises(SystemExit) as ended:
+        main(["search", "skill", "toy", "--out", str(tmp_path)])
+    assert ended.value.code == 2
+    assert "pip install hpp-framework[search]" in capsys.readouterr().err
+
+
+def test_there_is_no_report_before_there_is_a_baseline(tmp_path):
+    def interrupt(event):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        search_skill(config(tmp_path), interrupt)
+    assert not (tmp_path / "report.md").exists()
+    assert not (tmp_path / "best.json").exists()
+
+
+def test_a_search_that_finds_nothing_better_says_so(tmp_path):
+    best = search_skill(config(tmp_path, trials=(1, 1)))
+    report = (tmp_path / "report.md").read_text()
+    assert "Best: trial 0 of network" in report
+    assert "Nothing that was tried was better" in report
+    assert json.loads((tmp_path / "best.json").read_text())["settings"] == best.settings
+    assert best.settings == toy_search().start
 
 
 def test_a_trial_has_a_process_of_its_own(tmp_path):
