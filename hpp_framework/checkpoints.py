@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shlex
 from collections.abc import Mapping
@@ -125,6 +126,11 @@ def _difference(key: str, saved: object, wanted: object) -> str:
     if isinstance(saved, dict | list) or isinstance(wanted, dict | list):
         return f"{key} differs"
     return f"{key} was {saved!r}, is {wanted!r}"
+
+
+def file_digest(file: Path | None) -> str | None:
+    """Return what tells files apart, whatever their name; None for none."""
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file else None
 
 
 def portable(path: Path) -> str:

@@ -8,12 +8,14 @@ The loop that calls one (every control step, for all episodes at once)::
 
 from __future__ import annotations
 
+import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
 from jaxtyping import Float
 from torch import Tensor
 
@@ -56,3 +58,11 @@ class SkillTraining:
     threads: int = 2
     settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
     judge: bool = True
+
+
+def as_pairs(settings: Mapping[str, Any]) -> list[str]:
+    """Return settings as ``name=value`` pairs, quoted for a shell, that a command line reads back."""
+    # YAML takes 1e-05 for text, and 1.0e-05 for a number
+    return [
+        shlex.quote(f"{name}={yaml.safe_dump(value).splitlines()[0]}") for name, value in settings.items()
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,8 +65,16 @@ def parse_settings(pairs: Sequence[str], option: str) -> dict[str, Any]:
             raise ConfigError(f"{option} takes NAME=VALUE, e.g. reward.touch=-0.4; got '{pair}'.")
         if name in settings:
             raise ConfigError(f"{option} gives '{name}' twice.")
-        settings[name] = yaml.safe_load(value)
+        settings[name] = _value(value)
     return settings
+
+
+def _value(text: str) -> Any:
+    # YAML takes 1e-4 for text
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return yaml.safe_load(text)
 
 
 def to_experiment(

@@ -39,6 +39,8 @@ class Search:
     """Trials of each phase, separated by commas; the first of a phase is the baseline."""
     workers: int | None = None
     """Trials side by side, one thread each (default: as many as there are cores)."""
+    init: Path | None = None
+    """Weights that every trial starts from; with it, trials are short and tell how training should go on."""
     rungs: str = ""
     """Shares of the steps at which poor trials are stopped, e.g. 0.33,0.66 (default: none is)."""
     seed: int = 1
@@ -68,7 +70,7 @@ class Search:
             skill=self.name, robot=self.robot, out=out, steps=self.steps, workers=workers, seed=self.seed,
             trials=_numbers(self.trials, "--trials", int),
             rungs=_numbers(self.rungs, "--rungs", float) if self.rungs else (),
-            settings=parse_settings(self.set, "--set"),
+            init=self.init, settings=parse_settings(self.set, "--set"),
         )  # fmt: skip
         with _bars(self.steps) as watch:
             best = search_skill(config, watch)

@@ -12,6 +12,7 @@ from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
+from hpp_framework.checkpoints import file_digest
 from hpp_framework.errors import ConfigError
 from hpp_framework.files import read_json, replacing
 from hpp_framework.registry import hub
@@ -77,7 +78,8 @@ def _check(config: SearchConfig, search: SkillSearch) -> None:
 def _open_folder(config: SearchConfig, search: SkillSearch) -> None:
     """Say in the folder what is searched, or check that it holds the same search."""
     wanted: dict[str, Any] = json.loads(json.dumps({
-        **{key: value for key, value in asdict(config).items() if key not in ("out", "workers")},
+        **{key: value for key, value in asdict(config).items() if key not in ("out", "workers", "init")},
+        "init": file_digest(config.init),
         "phases": {p.name: {n: str(each) for n, each in p.parameters.items()} for p in search.phases},
         "start": dict(search.start),
     }))  # fmt: skip

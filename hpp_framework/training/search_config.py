@@ -21,6 +21,7 @@ class SearchConfig:
         workers: trials side by side, one torch thread each.
         seed: of what is tried, of every training and of the judging.
         settings: of the trainer's recipe by dotted name; where the search starts, or else held.
+        init: weights that every trial starts from, or None; then the shape of the network cannot be searched.
         rungs: shares of ``steps`` at which poor trials are stopped, rising; see :meth:`PhaseStudy.reach`.
     """
 
@@ -32,4 +33,5 @@ class SearchConfig:
     workers: int = 1
     seed: int = 1
     settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
+    init: Path | None = None
     rungs: tuple[float, ...] = ()

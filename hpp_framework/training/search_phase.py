@@ -98,7 +98,7 @@ class PhaseRun:
             phase=self.study.phase.name, number=number, trainer=self._trainer, search=self.search,
             training=SkillTraining(
                 robot=config.robot, out=folder, seed=config.seed, steps=config.steps, threads=1,
-                settings=settings, judge=False,
+                init=config.init, settings=settings, judge=False,
             ),
             seed=child_seed(config.seed, "search", "judging"),
         )  # fmt: skip

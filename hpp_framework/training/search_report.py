@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import yaml
-
+from hpp_framework.checkpoints import portable
 from hpp_framework.files import replacing
+from hpp_framework.skill import as_pairs
 from hpp_framework.training.search_config import SearchConfig
 from hpp_framework.training.search_figure import draw_search
 from hpp_framework.training.search_importance import rank_correlations
@@ -54,10 +53,9 @@ def write_report(config: SearchConfig, search: SkillSearch, studies: Sequence[Ph
 
 def train_command(config: SearchConfig, settings: Mapping[str, Value]) -> str:
     """Return the command line that trains with a trial's settings, for the usual number of steps."""
-    # as YAML reads them back: it takes 1e-05 for text, and 1.0e-05 for a number
-    pairs = [f"{name}={yaml.safe_dump(value).splitlines()[0]}" for name, value in settings.items()]
-    chosen = ["--set", *map(shlex.quote, pairs)] if pairs else []
-    return " ".join(["hpp train skill", config.skill, "--robot", config.robot, *chosen])
+    chosen = ["--set", *as_pairs(settings)] if settings else []
+    start = ["--init", portable(config.init)] if config.init else []
+    return " ".join(["hpp train skill", config.skill, "--robot", config.robot, *start, *chosen])
 
 
 def _introduction(config: SearchConfig, studies: Sequence[PhaseStudy]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
@@ -13,7 +12,7 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 
-from hpp_framework.checkpoints import load_checkpoint, load_into, portable, save_checkpoint
+from hpp_framework.checkpoints import file_digest, load_checkpoint, load_into, portable, save_checkpoint
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
 from hpp_framework.evaluation.competence import competence_card
 from hpp_framework.evaluation.skill import evaluate_skill, skill_episodes
@@ -22,7 +21,7 @@ from hpp_framework.evaluation.trial import Trial
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import child_seed
-from hpp_framework.skill import SkillTraining
+from hpp_framework.skill import SkillTraining, as_pairs
 from hpp_framework.training.curve import draw_learning_curve
 from hpp_framework.training.ppo import actor_modules, train_ppo
 from hpp_framework.training.snapshots import remove_snapshot
@@ -67,7 +66,7 @@ def train(config: SkillTraining) -> Path:
         share=partial(_share, recipe.rooms),
         initial=initial,
         run={
-            "skill": "p2p", "robot": robot.name, "init": _digest(config.init), "recipe": asdict(recipe)
+            "skill": "p2p", "robot": robot.name, "init": file_digest(config.init), "recipe": asdict(recipe)
         },
     )  # fmt: skip
     file = config.out / f"{robot.name}.safetensors"
@@ -148,13 +147,8 @@ def _command(config: SkillTraining) -> str:
         f"hpp train skill p2p --robot {config.robot} --steps {config.steps} --seed {config.seed} "
         f"--threads {config.threads}"
         + (f" --init {portable(config.init)}" if config.init else "")
-        + "".join(f" --set {name}={value}" for name, value in config.settings.items())
+        + (" --set " + " ".join(as_pairs(config.settings)) if config.settings else "")
     )
-
-
-def _digest(file: Path | None) -> str | None:
-    """Return what tells weights to start from apart, whatever their name."""
-    return hashlib.sha256(file.read_bytes()).hexdigest() if file else None
 
 
 def export(model: PPO, robot: RobotSpec, shape: NetworkShape) -> PolicyNetwork:
