@@ -20,7 +20,8 @@ class Rooms:
         world: registered world, from easy to hard if its generator takes a ``difficulty``.
         count: how many different ones.
         goals: places in each that robots are sent to.
-        clearance: gap between a robot at a start or goal and the nearest obstacle, in metres.
+        margin: metres by which robots are thicker than they are, so that they learn to keep off.
+        clearance: gap between such a robot at a start or goal and the nearest obstacle, in metres.
         comfort: gap to obstacles that the rewarded way prefers to keep, in metres.
         robots: that practise side by side.
         robots_per_world: that share a world and are in each other's way.
@@ -31,7 +32,8 @@ class Rooms:
     world: str = "mixed"
     count: int = 2000
     goals: int = 6
-    clearance: float = 0.05
+    margin: float = 0.03
+    clearance: float = 0.03
     comfort: float = 0.3
     robots: int = 512
     robots_per_world: int = 2

@@ -112,6 +112,7 @@ def judged(skill: PointToPointSkill, robot: RobotSpec, seed: int) -> dict[str, o
 
 def _env(recipe: Recipe, robot: RobotSpec, config: SkillTraining) -> PointToPointVectorEnv:
     rooms = recipe.rooms
+    robot = replace(robot, footprint_radius=robot.footprint_radius + rooms.margin)
     # a training has no use for more worlds than it has episodes
     count = max(1, min(rooms.count, config.steps // recipe.reward.max_steps))
     pool = build_practice_pool(
