@@ -23,17 +23,24 @@ class Journeys:
         shape: rows, robots a row.
         goal_distance: nearest and farthest goal, straight line, in metres.
         gap: smallest distance between the middles of two robots at the start, in metres.
+        detours: share of journeys to the goal with the longest detour among some, if ways are known.
 
     Attributes:
         share: part of the pool that worlds are drawn from, its first.
     """
 
     def __init__(
-        self, pool: WorldPool, shape: tuple[int, int], goal_distance: tuple[float, float], gap: float
+        self,
+        pool: WorldPool,
+        shape: tuple[int, int],
+        goal_distance: tuple[float, float],
+        gap: float,
+        detours: float = 0.0,
     ) -> None:
         self.pool = pool
         self.goal_distance = goal_distance
         self.gap = gap
+        self.detours = detours
         self.share = 1.0
         self.world_index = torch.zeros(shape[0], dtype=torch.int64)
         self.goals = torch.zeros(*shape, 2)
@@ -106,8 +113,15 @@ class Journeys:
         candidates, index = self._candidates(self._destinations, rng)
         distance = (candidates - start[:, None]).norm(dim=-1)
         low, high = self.goal_distance
-        first = ((distance >= low) & (distance <= high)).to(torch.uint8).argmax(1)
+        suitable = (distance >= low) & (distance <= high)
+        first = suitable.to(torch.uint8).argmax(1)
         rows = torch.arange(len(candidates))
+        if self.detours and self.pool.ways:
+            field = self.world_index[:, None] * self.pool.goals + index
+            from_start = start[:, None].expand_as(candidates)
+            way = self.pool.ways.at(field.reshape(-1), from_start.reshape(-1, 2)).reshape(distance.shape)
+            longest = torch.where(suitable, way - distance, -1.0).argmax(1)
+            first = torch.where(torch.rand(len(rows), generator=rng) < self.detours, longest, first)
         return candidates[rows, first], index[rows, first]
 
     def _candidates(self, points: Tensor, rng: torch.Generator) -> tuple[Tensor, Tensor]:

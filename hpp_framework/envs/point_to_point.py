@@ -89,6 +89,7 @@ class Practice:
         late: share of worlds in which commands take effect one control period late.
         weakest_drive: smallest share of the top speeds and accelerations that a robot has.
         end_on_touch: share of touches that end an episode as a failure.
+        detours: share of journeys that lead to the goal with the longest detour among some.
     """
 
     noise: NoiseModel = field(
@@ -97,9 +98,10 @@ class Practice:
     late: float = 0.1
     weakest_drive: float = 0.8
     end_on_touch: float = 0.5
+    detours: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in ("late", "weakest_drive", "end_on_touch"):
+        for name in ("late", "weakest_drive", "end_on_touch", "detours"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"practice: {name} is a share between 0 and 1, got {getattr(self, name)}.")
 
@@ -179,7 +181,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.pool = pool or build_pool(world, pool_size, [self.robot], seed=seed)
         shape = (self.worlds_count, robots_per_world)
         gap = 2 * self.robot.footprint_radius + START_GAP
-        self.journeys = Journeys(self.pool, shape, self.problem.goal_distance, gap)
+        detours = practice.detours if practice else 0.0
+        self.journeys = Journeys(self.pool, shape, self.problem.goal_distance, gap, detours)
         self.simulator = BatchSimulator([self.robot] * robots_per_world, device=device)
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
         self.single_observation_space = observation_space(self.robot, guided=practice is not None)
