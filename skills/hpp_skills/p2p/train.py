@@ -27,7 +27,7 @@ from hpp_framework.training.ppo import actor_modules, train_ppo
 from hpp_framework.training.snapshots import remove_snapshot
 from hpp_framework.worlds.pool import build_practice_pool
 from hpp_skills.p2p.network import Encoder, NetworkShape, PolicyNetwork
-from hpp_skills.p2p.recipe import Recipe, Rooms
+from hpp_skills.p2p.recipe import GOING_ON, Recipe, Rooms
 from hpp_skills.p2p.skill import PointToPoint as PointToPointSkill
 from hpp_skills.p2p.skill import expected_metadata
 
@@ -38,8 +38,6 @@ JUDGED: dict[str, dict[str, Any]] = {
     )
 }  # fmt: skip
 """Worlds that a finished policy is judged in, and the gap to obstacles that its journeys can keep."""
-TRANSFER = {"ppo.learning_rate": 2e-4, "ppo.log_std_init": -1.2, "rooms.first_share": 1.0}
-"""Settings for starting from another policy: small steps and little exploration keep what it knows."""
 
 
 def train(config: SkillTraining) -> Path:
@@ -51,7 +49,7 @@ def train(config: SkillTraining) -> Path:
     """
     torch.set_num_threads(config.threads)
     robot: RobotSpec = hub().robots.create(config.robot)
-    recipe = Recipe().altered(TRANSFER if config.init else {}).altered(config.settings)
+    recipe = Recipe().altered(GOING_ON if config.init else {}).altered(config.settings)
     # wrong weights to start from are found before the minute it takes to build the worlds
     initial = _initial(config.init, robot, recipe) if config.init else None
     started = time()
