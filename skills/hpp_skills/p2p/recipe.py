@@ -87,9 +87,9 @@ GOING_ON: Mapping[str, Any] = {
 }  # fmt: skip
 """What differs when a training goes on from trained weights.
 
-The reward is what a search found for this (8 trials of 500,000 steps from a policy of 6 million, judged in 500
-journeys each: 0.843 against 0.833 of the recipe's own). Small steps and little exploration keep what the policy
-knows.
+The reward is what a search found for this (8 trials of 500,000 steps from a policy of 6 million, judged in
+500 journeys each: 0.843 against 0.833 of the recipe's own). Small steps and little exploration keep what the
+policy knows.
 """
 
 
