@@ -98,7 +98,7 @@ class Practice:
     late: float = 0.1
     weakest_drive: float = 0.8
     end_on_touch: float = 0.5
-    detours: float = 0.5
+    detours: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("late", "weakest_drive", "end_on_touch", "detours"):

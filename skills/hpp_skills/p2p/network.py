@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -26,7 +25,7 @@ class NetworkShape:
         hidden: units of the last hidden layer.
     """
 
-    scan: Literal["conv", "dense"] = "conv"
+    scan: str = "conv"
     channels: int = 16
     features: int = 160
     hidden: int = 128

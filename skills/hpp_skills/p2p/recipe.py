@@ -82,7 +82,7 @@ class Recipe:
 GOING_ON: Mapping[str, Any] = {
     "reward.progress": 1.6, "reward.arrival": 2.7, "reward.collision": -4.4, "reward.touch": -0.14,
     "reward.step": -0.044, "reward.turn": 0.0, "reward.linger": 0.48, "rooms.comfort": 0.5,
-    "practice.end_on_touch": 0.9, "ppo.gamma": 0.985,
+    "practice.end_on_touch": 0.9, "practice.detours": 0.5, "ppo.gamma": 0.985,
     "ppo.learning_rate": 3e-4, "ppo.log_std_init": -1.5, "rooms.first_share": 1.0,
 }  # fmt: skip
 """What differs when a training goes on from trained weights.
