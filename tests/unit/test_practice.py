@@ -125,7 +125,7 @@ def test_shares_beyond_one_are_refused(name):
 def test_a_recipe_takes_settings_by_dotted_name():
     recipe = Recipe().altered({"reward.touch": -1, "network.hidden": 64, "rooms.world": "rooms"})
     assert (recipe.reward.touch, recipe.network.hidden, recipe.rooms.world) == (-1.0, 64, "rooms")
-    assert recipe.altered(GOING_ON).ppo.gamma == 0.985
+    assert recipe.altered(GOING_ON).rooms.first_share == 1.0
 
 
 @pytest.mark.parametrize(
