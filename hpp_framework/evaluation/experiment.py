@@ -18,8 +18,9 @@ import torch
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.evaluation.rows import EpisodeRow, read_rows, to_rows, write_rows
+from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.statistics import wilson_interval
+from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.planner import PRESETS
 from hpp_framework.registry import hub
 from hpp_framework.seeding import child_seed, numpy_rng
@@ -151,7 +152,7 @@ def run_experiment(
     configs = check_experiment(experiment, factories)
     folder.open_evaluation(out, folder.record(folder.EVALUATE, asdict(experiment), configs))
     file = out / folder.EPISODES
-    rows = read_rows(file)
+    rows = read_rows(file, EpisodeRow)
     for world in experiment.worlds:
         for planner in experiment.planners:
             rows = _run_cell(experiment, (world, planner), factories[world], rows, file, progress)
@@ -213,7 +214,7 @@ def _run_cell(
             continue
         fresh = _run_chunk(experiment, cell, factory, wanted)
         rows = [r for r in rows if (r.world, r.planner) != cell or r.episode not in wanted] + fresh
-        write_rows(file, rows)
+        write_rows(file, rows, EpisodeRow)
     progress(" / ".join(cell), experiment.episodes, experiment.episodes)
     return rows
 

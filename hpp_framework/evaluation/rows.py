@@ -1,19 +1,14 @@
-"""Results of single episodes and the table ``episodes.csv`` that keeps them."""
+"""Results of single episodes of a team, as rows of ``episodes.csv``."""
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
 import torch
 
-from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.rollout import Episodes, median_ms
-from hpp_framework.files import replacing
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 
 
@@ -32,9 +27,6 @@ class EpisodeRow:
     final_distance_m: float
     steps: int
     plan_ms: float
-
-
-COLUMNS = [field.name for field in fields(EpisodeRow)]
 
 
 def to_rows(world: str, planner: str, numbers: Sequence[int], episodes: Episodes) -> list[EpisodeRow]:
@@ -64,44 +56,3 @@ def to_rows(world: str, planner: str, numbers: Sequence[int], episodes: Episodes
         )
         for i, number in enumerate(numbers)
     ]  # fmt: skip
-
-
-def read_rows(file: Path) -> list[EpisodeRow]:
-    """Return the rows of a table, none if there is no such file.
-
-    Raises:
-        ConfigError: if the file cannot be read or is damaged.
-    """
-    if not file.exists():
-        return []
-    types: dict[str, Any] = {
-        f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(EpisodeRow)
-    }
-    remedy = "Move it away to start over."
-    try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            table = csv.DictReader(stream)
-            if table.fieldnames != COLUMNS:
-                raise ConfigError(f"'{file}' is damaged, its columns are not {', '.join(COLUMNS)}. {remedy}")
-            return [EpisodeRow(**{k: types[k](v) for k, v in row.items()}) for row in table]
-    except OSError as error:
-        raise ConfigError(f"cannot read '{file}': {error.strerror}. Choose another --out.") from error
-    except (KeyError, TypeError, ValueError, csv.Error) as error:
-        raise ConfigError(f"'{file}' is damaged ({error!r}). {remedy}") from error
-
-
-def write_rows(file: Path, rows: Sequence[EpisodeRow]) -> None:
-    """Write all rows, completely or not at all: an interruption loses at most one chunk.
-
-    Raises:
-        ConfigError: if the file cannot be written.
-    """
-    try:
-        with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, COLUMNS)
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write '{file}': {error.strerror}. Finished episodes are kept; resume later."
-        ) from error

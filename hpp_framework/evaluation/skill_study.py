@@ -6,10 +6,9 @@ comparisons are paired.
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from hpp_framework.evaluation.journeys import Journeys, draw_journeys
 from hpp_framework.evaluation.skill import skill_episodes
 from hpp_framework.evaluation.skill_figures import plot_competence
 from hpp_framework.evaluation.skill_score import SkillRow
+from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import Draw, Trial
 from hpp_framework.files import replacing
 from hpp_framework.registry import hub
@@ -30,10 +30,6 @@ from hpp_framework.sim import make_simulator
 COMPETENCE, PICTURE = "competence.csv", "competence.png"
 ALL = "all worlds"
 Progress = Callable[[str, int, int], None]
-
-_TYPES: dict[str, Callable[[str], Any]] = {
-    f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(SkillRow)
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +107,7 @@ def run_study(study: SkillStudy, out: Path, *, progress: Progress = lambda *_: N
     robot = check_study(study)
     config = folder.record(folder.EVALUATE, asdict(study), {})
     folder.open_evaluation(out, config)
-    rows = read_skill_rows(out / folder.EPISODES)
+    rows = read_rows(out / folder.EPISODES, SkillRow)
     for world in study.worlds:
         rows = _run_world(study, robot, world, rows, out / folder.EPISODES, progress)
     cells = {
@@ -168,45 +164,9 @@ def _run_world(
                 progress=lambda done, cell=cell: progress(cell, done, study.episodes),
             )  # fmt: skip
             rows = [row for row in rows if (row.skill, row.world) != (skill, world)] + fresh
-            write_skill_rows(file, rows)
+            write_rows(file, rows, SkillRow)
         progress(cell, study.episodes, study.episodes)
     return rows
-
-
-def read_skill_rows(file: Path) -> list[SkillRow]:
-    """Return the rows of a table, none if there is no such file.
-
-    Raises:
-        ConfigError: if the file cannot be read or is damaged.
-    """
-    if not file.exists():
-        return []
-    remedy = "Move it away to start over."
-    try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            table = csv.DictReader(stream)
-            if table.fieldnames != list(_TYPES):
-                raise ConfigError(f"'{file}' is damaged, its columns are not {', '.join(_TYPES)}. {remedy}")
-            return [SkillRow(**{k: _TYPES[k](v) for k, v in row.items()}) for row in table]
-    except OSError as error:
-        raise ConfigError(f"cannot read '{file}': {error.strerror}. Choose another --out.") from error
-    except (KeyError, TypeError, ValueError, csv.Error) as error:
-        raise ConfigError(f"'{file}' is damaged ({error!r}). {remedy}") from error
-
-
-def write_skill_rows(file: Path, rows: Sequence[SkillRow]) -> None:
-    """Write all rows, completely or not at all: an interruption loses at most one skill in one world.
-
-    Raises:
-        ConfigError: if the file cannot be written.
-    """
-    try:
-        with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, list(_TYPES))
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
-    except OSError as error:
-        raise _cannot_write(file, error) from error
 
 
 def _write(file: Path, text: str) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from hpp_framework.crew import FEWEST, Crew
 from hpp_framework.errors import SimulatorError
 from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.crew import FEWEST, Crew
 from hpp_framework.types import State
 
 EPISODES = 5 * FEWEST + 3

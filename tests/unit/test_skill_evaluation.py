@@ -22,7 +22,8 @@ from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES, Journeys, c
 from hpp_framework.evaluation.lower_bound import time_bounds
 from hpp_framework.evaluation.skill import drive_journeys, evaluate_skill, skill_episodes
 from hpp_framework.evaluation.skill_score import SkillRow, bootstrap_interval, score
-from hpp_framework.evaluation.skill_study import SkillStudy, read_skill_rows, run_study
+from hpp_framework.evaluation.skill_study import SkillStudy, run_study
+from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
 from hpp_framework.evaluation.ways import journey_ways
 from hpp_framework.registry import hub
@@ -440,7 +441,7 @@ def straight(register):
 @pytest.mark.usefixtures("straight")
 def test_the_command_writes_tables_and_a_picture(tmp_path, capsys):
     main([*COMMAND.split(), "--compare", "still", "--out", str(tmp_path)])
-    rows = read_skill_rows(tmp_path / "episodes.csv")
+    rows = read_rows(tmp_path / "episodes.csv", SkillRow)
     assert [(r.skill, r.episode) for r in rows] == [(s, e) for s in ("straight", "still") for e in range(3)]
     assert [r.success for r in rows] == [1, 1, 1, 0, 0, 0]
     # both drove the same journeys
@@ -463,14 +464,14 @@ def test_the_command_writes_tables_and_a_picture(tmp_path, capsys):
 @pytest.mark.usefixtures("straight")
 def test_a_table_reads_back_as_it_was_written(tmp_path):
     rows = [row(time_s=math.nan, world="a, b.yaml"), row(episode=1)]
-    skill_study.write_skill_rows(tmp_path / "episodes.csv", rows)
-    again = read_skill_rows(tmp_path / "episodes.csv")
+    write_rows(tmp_path / "episodes.csv", rows, SkillRow)
+    again = read_rows(tmp_path / "episodes.csv", SkillRow)
     assert again[1] == rows[1]
     assert again[0].world == "a, b.yaml"
     assert math.isnan(again[0].time_s)
     (tmp_path / "episodes.csv").write_text("skill,world\np2p,room\n")
     with pytest.raises(ConfigError, match="damaged"):
-        read_skill_rows(tmp_path / "episodes.csv")
+        read_rows(tmp_path / "episodes.csv", SkillRow)
 
 
 @pytest.mark.usefixtures("straight")
@@ -490,7 +491,7 @@ def test_an_interrupted_study_resumes_to_the_same_tables(tmp_path, monkeypatch):
     monkeypatch.setattr(skill_study, "skill_episodes", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_study(study, tmp_path / "parts")
-    kept = read_skill_rows(tmp_path / "parts" / "episodes.csv")
+    kept = read_rows(tmp_path / "parts" / "episodes.csv", SkillRow)
     assert {r.skill for r in kept} == {"straight"}
     again = []
     monkeypatch.setattr(
