@@ -32,7 +32,7 @@ from hpp_skills.p2p.skill import PointToPoint as PointToPointSkill
 from hpp_skills.p2p.skill import expected_metadata
 
 JUDGED: dict[str, dict[str, Any]] = {
-    name: {"world": name, "clearance": clearance, "episodes": 300}
+    name: {"world": name, "clearance": clearance, "episodes": 200}
     for name, clearance in (
         ("training", 0.15), ("rooms", 0.05), ("passages", 0.05), ("legs", 0.15), ("barn", 0.05)
     )
@@ -99,7 +99,7 @@ def judged(skill: PointToPointSkill, robot: RobotSpec, seed: int) -> dict[str, o
     rows: list[SkillRow] = []
     for name in JUDGED:
         trial = Trial(
-            world=name, episodes=200, goal_distance=(1.0, 15.0), clearance=0.05, draw="even", seed=seed
+            world=name, episodes=120, goal_distance=(1.0, 15.0), clearance=0.05, draw="even", seed=seed
         )
         rows += skill_episodes(skill, robot, trial)
     return {
