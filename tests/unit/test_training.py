@@ -52,7 +52,7 @@ def with_options(config, **options):
 def test_an_interrupted_training_resumes_and_cleans_up(config, snapshot):
     assert snapshot.is_file()
     file = p2p.train(config)
-    assert load_checkpoint(file, {})[1]["steps"] >= STEPS
+    assert load_checkpoint(file, {})[1]["stages"][-1]["steps"] >= STEPS
     assert sorted(p.name for p in config.out.iterdir()) == [
         "curve.jsonl", "fetch.json", "fetch.safetensors", "learning_curve.png", "tensorboard",
     ]  # fmt: skip
@@ -126,7 +126,9 @@ def test_the_card_says_the_command_that_repeats_the_training(config, tmp_path, m
     monkeypatch.chdir(WEIGHTS)
     file = p2p.train(with_options(config, steps=1, init=WEIGHTS / "freight.safetensors"))
     card = load_checkpoint(file, {})[1]
-    assert card["command"] == (
+    earlier = load_checkpoint(WEIGHTS / "freight.safetensors", {})[1].get("stages", [])
+    assert card["stages"][:-1] == earlier
+    assert card["stages"][-1]["command"] == (
         "hpp train skill p2p --robot fetch --steps 1 --seed 3 --threads 1 --init freight.safetensors"
     )
     assert json.loads(file.with_suffix(".json").read_text()) == card

@@ -69,11 +69,13 @@ def train(config: SkillTraining) -> Path:
     )  # fmt: skip
     file = config.out / f"{robot.name}.safetensors"
     network = export(model, robot, recipe.network)
-    metadata = {
-        **_card(config, robot, recipe),
+    stage = {
+        "command": _command(config),
         "steps": model.num_timesteps,
         "minutes": round((time() - started) / 60, 1),
     }
+    earlier = load_checkpoint(config.init, {})[1].get("stages", []) if config.init else []
+    metadata = {**_card(config, robot, recipe), "stages": [*earlier, stage]}
     if config.judge:
         seed = child_seed(config.seed, "unseen worlds")
         metadata |= judged(PointToPointSkill(network), robot, seed)
@@ -133,8 +135,6 @@ def _card(config: SkillTraining, robot: RobotSpec, recipe: Recipe) -> dict[str, 
     return {
         **expected_metadata(robot),
         "network": asdict(recipe.network),
-        "command": _command(config),
-        "init": config.init.name if config.init else None,
         "seed": config.seed,
         "recipe": asdict(recipe),
     }
