@@ -20,7 +20,7 @@ from hpp_framework.skill import SkillTraining
 from hpp_framework.team import parse_team
 
 NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=0.02, dropout=0.01)
-"""Of the navigation environment, as skills are trained."""
+"""Of the navigation environment, moderate."""
 
 
 def skill(settings: Settings) -> Iterator[Measurement]:

@@ -1,7 +1,8 @@
 """Environments. Importing this package registers their ids with Gymnasium."""
 
 from hpp_framework.envs.episode import EpisodeConfig
-from hpp_framework.envs.point_to_point import PointToPoint, PointToPointVectorEnv
+from hpp_framework.envs.point_to_point import PointToPointVectorEnv
+from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.envs.registration import register_envs
 from hpp_framework.envs.rendezvous import HierarchyConfig, RendezvousEnv
 from hpp_framework.envs.single import PointToPointEnv

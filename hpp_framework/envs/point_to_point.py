@@ -7,7 +7,6 @@ sub-environments share a world and are moving obstacles to each other.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium as gym
@@ -19,6 +18,7 @@ from torch import Tensor
 
 from hpp_framework import geometry
 from hpp_framework.envs.journeys import Journeys
+from hpp_framework.envs.problem import PointToPoint, Practice
 from hpp_framework.envs.spaces import (
     MAX_GOAL_DISTANCE,
     command_space,
@@ -42,68 +42,6 @@ START_GAP = 0.3
 """Smallest gap between two footprints at the start, in metres."""
 GUIDE = 5
 """Numbers in the observation ``guide`` of a practice."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PointToPoint:
-    """The navigation problem: what counts as arriving, and what is rewarded.
-
-    Attributes:
-        goal_distance: nearest and farthest goal, straight line, in metres.
-        goal_radius: distance at which a goal is reached, in metres.
-        rest_speed: forward speed below which the robot is at rest, m/s.
-        dwell: consecutive steps at rest at the goal that end an episode with success.
-        max_steps: control steps before an episode is truncated (150 are 30 s).
-        progress: reward for each metre of progress, straight or along the way if the pool knows ways.
-        arrival: reward for success.
-        collision: reward for touching something after not touching anything.
-        touch: reward for each step in contact.
-        step: reward for each step.
-        turn: reward for each rad/s of turn rate and step.
-        linger: reward for each step at rest at the goal.
-    """
-
-    goal_distance: tuple[float, float] = (1.0, 10.0)
-    goal_radius: float = 0.3
-    rest_speed: float = 0.15
-    dwell: int = 5
-    max_steps: int = 150
-    progress: float = 1.0
-    arrival: float = 3.0
-    collision: float = 0.0
-    touch: float = -0.4
-    step: float = -0.02
-    turn: float = -0.005
-    linger: float = 0.3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Practice:
-    """What is harder in training than in the plain problem, drawn anew with each world.
-
-    Observations get an entry ``guide`` for a critic, which no skill sees: metres to go along the way in tens,
-    cosine and sine of the way's bearing, the share of time left, and the strength of the disturbances.
-
-    Attributes:
-        noise: strongest disturbances; a world has a share of them between 0 and 1.
-        late: share of worlds in which commands take effect one control period late.
-        weakest_drive: smallest share of the top speeds and accelerations that a robot has.
-        end_on_touch: share of touches that end an episode as a failure.
-        detours: share of journeys that lead to the goal with the longest detour among some.
-    """
-
-    noise: NoiseModel = field(
-        default_factory=lambda: NoiseModel(position_std=0.06, heading_std=0.06, scan_std=0.03, dropout=0.08)
-    )
-    late: float = 0.1
-    weakest_drive: float = 0.8
-    end_on_touch: float = 0.5
-    detours: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("late", "weakest_drive", "end_on_touch", "detours"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigError(f"practice: {name} is a share between 0 and 1, got {getattr(self, name)}.")
 
 
 def observation_space(robot: RobotSpec, *, guided: bool = False) -> gym.Space[Any]:

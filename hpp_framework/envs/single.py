@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hpp_framework.envs.picture import Picture, check_mode
-from hpp_framework.envs.point_to_point import PointToPoint, PointToPointVectorEnv
+from hpp_framework.envs.point_to_point import PointToPointVectorEnv
+from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.envs.spaces import FloatArray, check_action
 from hpp_framework.errors import SimulatorError
 from hpp_framework.robot import RobotSpec

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from hpp_framework.envs.point_to_point import PointToPoint
+from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.evaluation.ways import Ways
 from hpp_framework.robot import DriveLimits
 from hpp_framework.sim.simulator import CONTROL_PERIOD

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from hpp_framework.envs.point_to_point import PointToPoint
+from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.sensing import NoiseModel
 

@@ -12,7 +12,8 @@ from hpp_skills.p2p.recipe import GOING_ON, Recipe
 from safetensors.torch import load_file
 
 from hpp_framework.envs.journeys import Journeys
-from hpp_framework.envs.point_to_point import GUIDE, PointToPoint, PointToPointVectorEnv, Practice
+from hpp_framework.envs.point_to_point import GUIDE, PointToPointVectorEnv
+from hpp_framework.envs.problem import PointToPoint, Practice
 from hpp_framework.errors import ConfigError
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.skill import SkillTraining

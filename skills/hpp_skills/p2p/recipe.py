@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
-from hpp_framework.envs.point_to_point import PointToPoint, Practice
+from hpp_framework.envs.problem import PointToPoint, Practice
 from hpp_framework.errors import ConfigError, suggest
 from hpp_framework.training.ppo import PpoConfig
 from hpp_skills.p2p.network import NetworkShape
