@@ -104,6 +104,20 @@ def torch_rng() -> torch.Generator:
 
 
 @pytest.fixture
+def register(monkeypatch):
+    """Return a function that registers a factory for the length of one test."""
+
+    def add(kind, name, factory):
+        from hpp_framework.registry import hub
+
+        registry = hub().registries()[kind]
+        monkeypatch.setattr(registry, "_entries", dict(registry._entries))
+        registry.add(name, factory)
+
+    return add
+
+
+@pytest.fixture
 def tiny_training(monkeypatch: pytest.MonkeyPatch) -> None:
     """Train the skill ``p2p`` with two robots in one world, and judge it by two steps."""
     from hpp_skills.p2p import train

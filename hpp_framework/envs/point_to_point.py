@@ -287,7 +287,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
             + p.turn * turn_rate
         )
         self._left, self._touching = left, touching
-        self._velocities = state.velocities.cpu()
+        self._poses, self._velocities = poses, state.velocities.cpu()
         return reward, success, failed
 
     def _restart(self, chosen: Tensor, poses: Tensor) -> State:
@@ -300,7 +300,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         if self.practice:
             self._draw_disturbances(self.practice, chosen[:, 0])
         state = self.simulator.place(self.journeys.world_index.to(torch.int32), chosen, poses)
-        self._velocities = state.velocities.cpu()
+        self._poses, self._velocities = state.poses.cpu(), state.velocities.cpu()
         return state
 
     def _draw_disturbances(self, practice: Practice, worlds: Tensor) -> None:
@@ -331,7 +331,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         return observation
 
     def _guide(self) -> Tensor:
-        bearing = self.journeys.direction(self.simulator.state().poses.cpu())
+        bearing = self.journeys.direction(self._poses)
         time_left = 1 - self._age / self.problem.max_steps
         assert self._sensing.intensity is not None
         intensity = self._sensing.intensity[:, None].expand_as(bearing)

@@ -66,7 +66,10 @@ class PpoConfig:
 class _Extractor(BaseFeaturesExtractor):
     """Puts a skill's own encoder where Stable-Baselines3 wants a features extractor; the guide comes last."""
 
-    def __init__(self, observation_space: spaces.Dict, encoder: Callable[[], nn.Module], width: int) -> None:
+    def __init__(
+        self, observation_space: spaces.Space[Any], encoder: Callable[[], nn.Module], width: int
+    ) -> None:
+        assert isinstance(observation_space, spaces.Dict)
         guide = observation_space.spaces.get("guide")
         super().__init__(observation_space, width + (guide.shape[0] if guide and guide.shape else 0))
         self.encoder = encoder()

@@ -16,7 +16,6 @@ from hpp_framework.evaluation import showcase as film
 from hpp_framework.evaluation.experiment import Experiment, read_experiment, run_experiment
 from hpp_framework.evaluation.rollout import EPISODE_STEPS
 from hpp_framework.planner import Belief, MetaPlanner
-from hpp_framework.registry import hub
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.worlds.world import World
 
@@ -31,18 +30,6 @@ def outcome(folder: Path) -> list[dict[str, str]]:
     """Return the rows of a folder without timings."""
     with (folder / "episodes.csv").open() as stream:
         return [{k: v for k, v in row.items() if k != "plan_ms"} for row in csv.DictReader(stream)]
-
-
-@pytest.fixture
-def register(monkeypatch):
-    """Return a function that registers a factory for the length of one test."""
-
-    def add(kind, name, factory):
-        registry = hub().registries()[kind]
-        monkeypatch.setattr(registry, "_entries", dict(registry._entries))
-        registry.add(name, factory)
-
-    return add
 
 
 @pytest.fixture

@@ -26,7 +26,6 @@ from hpp_framework.evaluation.skill_study import SkillStudy, run_study
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
 from hpp_framework.evaluation.ways import journey_ways
-from hpp_framework.registry import hub
 from hpp_framework.robot import DriveLimits
 from hpp_framework.sim import make_simulator
 from hpp_framework.skill import Skill
@@ -91,18 +90,6 @@ def row(**values) -> SkillRow:
         "timeout": 0, "time_s": 10.0, "driven_m": 5.0, "left_m": 0.1, "spl": 0.9, "time_ratio": 1.25,
     }  # fmt: skip
     return SkillRow(**{**usual, **values})
-
-
-@pytest.fixture
-def register(monkeypatch):
-    """Return a function that registers something for the length of one test."""
-
-    def add(kind, name, factory):
-        registry = hub().registries()[kind]
-        monkeypatch.setattr(registry, "_entries", dict(registry._entries))
-        registry.add(name, factory)
-
-    return add
 
 
 @pytest.fixture
