@@ -21,7 +21,7 @@ def register(hub: Hub) -> None:
     ):
         hub.worlds.add(name, f"{worlds}.{name}:{name}", summary=summary)
     hub.worlds.add("simple", f"{worlds}.catalogue:simple", summary="an empty room, 20 x 20 m")
-    hub.worlds.add("wall", f"{worlds}.catalogue:wall", summary="one wall, 4 m long, between the robots")
+    hub.worlds.add("wall", f"{worlds}.catalogue:wall", summary="one wall, 8 m long, between the robots")
     hub.worlds.add(
         "navigation", f"{worlds}.catalogue:navigation", summary="a room full of walls, boxes and pillars"
     )

@@ -33,12 +33,17 @@ def test_starts_are_five_metres_apart_in_the_open_and_differ(name, robots):
 def test_wall_stands_between_the_robots(robots):
     rng = np.random.default_rng(1)
     world = resolve_world("wall")(rng)
+    sides = set()
     for _ in range(20):
         poses = spawn_poses(world, robots, rng)
         assert poses[0, 0] > 2
         assert poses[1, 0] < -2
         (x0, y0), (x1, y1) = poses[:, :2]
-        assert abs(y0 + (y1 - y0) * x0 / (x0 - x1)) < 2
+        crossing = y0 + (y1 - y0) * x0 / (x0 - x1)
+        # at least 2 m from both ends of the wall, now nearer to this one and now to that
+        assert abs(crossing) < 2
+        sides.add(crossing > 0)
+    assert sides == {True, False}
 
 
 def test_navigation_has_wide_ways_to_everywhere_and_hides_pairs():
