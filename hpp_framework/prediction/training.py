@@ -33,6 +33,10 @@ VALIDATE_EVERY = 10 * REPORT_EVERY
 SNAPSHOT_EVERY = 2 * REPORT_EVERY
 """Seconds apart, so that an interruption costs little."""
 VALIDATION_BATCHES = 20
+WARM_UP = 500
+"""Gradient steps over which the learning rate rises: from the full rate, many first units never fire again."""
+FINAL_RATE = 0.02
+"""Share of the learning rate that is left at the end."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class Recipe:
 def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
     """Train one model and write weights and card; returns the weights file.
 
-    A cosine schedule lowers Adam's learning rate; state is saved every thousand steps and training
+    Adam's learning rate follows :func:`learning_rate`; state is saved every thousand steps and training
     resumes from it with the same batches to come; a model that is finished already is left as it is. Errors
     on held-out worlds are reported early and then every 5,000 steps, so that a hopeless training can be
     stopped.
@@ -117,6 +121,7 @@ def _run(config: PredictorTraining, data: TrajectoryData) -> dict[str, Any]:
         "steps": config.steps,
         "batch": config.batch,
         "learning_rate": config.learning_rate,
+        "warm_up": WARM_UP,
         "data": data.meta,
         "trajectories": data.trajectories,
     }
@@ -161,14 +166,18 @@ def _learn(
 ) -> Tensor:
     """Take one gradient step; returns its loss."""
     for group in optimiser.param_groups:
-        group["lr"] = config.learning_rate * (
-            0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * step / config.steps))
-        )
+        group["lr"] = learning_rate(config, step)
     loss = recipe.loss(model, _sample(data, "train", config, recipe, numpy_rng(config.seed, "batch", step)))
     optimiser.zero_grad(set_to_none=True)
     loss.backward()
     optimiser.step()
     return loss.detach()
+
+
+def learning_rate(config: PredictorTraining, step: int) -> float:
+    """Return the learning rate of a gradient step: a linear rise, then a cosine's fall."""
+    cosine = FINAL_RATE + (1 - FINAL_RATE) * 0.5 * (1 + math.cos(math.pi * step / config.steps))
+    return config.learning_rate * min(1.0, (step + 1) / WARM_UP) * cosine
 
 
 def _report(config: PredictorTraining, file: Path, step: int, status: str, message: str = "") -> None:

@@ -211,6 +211,14 @@ def test_the_snapshot_of_other_data_is_refused(config, team, monkeypatch, tmp_pa
         hub().predictor_trainers.create("far-sighted", replace(config, data=tmp_path / "other"))
 
 
+def test_the_learning_rate_rises_and_falls(config):
+    from hpp_framework.prediction.training import WARM_UP, learning_rate
+
+    long = replace(config, steps=10_000, learning_rate=1e-3)
+    rates = [learning_rate(long, step) for step in (0, WARM_UP // 2 - 1, WARM_UP, 5_000, 9_999)]
+    assert rates == pytest.approx([2e-6, 5e-4, 1e-3, 5.1e-4, 2e-5], rel=0.01)
+
+
 def test_training_reports_its_error_beside_that_of_constant_velocity(config, monkeypatch, capsys):
     interrupted(monkeypatch, config)
     hub().predictor_trainers.create("far-sighted", config)
