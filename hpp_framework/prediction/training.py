@@ -34,7 +34,7 @@ SNAPSHOT_EVERY = 2 * REPORT_EVERY
 """Seconds apart, so that an interruption costs little."""
 VALIDATION_BATCHES = 20
 WARM_UP = 500
-"""Gradient steps over which the learning rate rises: from the full rate, many first units never fire again."""
+"""Gradient steps over which the learning rate rises: at the full rate from the start, many units never fire."""
 FINAL_RATE = 0.02
 """Share of the learning rate that is left at the end."""
 
