@@ -9,8 +9,10 @@ The loop that calls one (every ``plan_every`` control steps, for all episodes at
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -92,6 +94,9 @@ class PlannerContext:
         preset: ``"paper"`` or ``"best"``; planners without presets ignore it.
         bounds: (x_min, y_min, x_max, y_max) of the world, metres.
         weights: extra folders searched for predictor weights.
+        settings: that differ from the preset, by dotted name, e.g. ``{"keep": 0.05}``; a planner that keeps
+            its parameters in a dataclass ``config`` applies them with
+            :func:`hpp_framework.settings.altered`. Planners without parameters ignore them.
     """
 
     team: Team
@@ -100,3 +105,4 @@ class PlannerContext:
     preset: str = "best"
     bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0)
     weights: tuple[Path, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())

@@ -15,6 +15,7 @@ from hpp_framework.planning.cem import CemConfig, cross_entropy
 from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
 from hpp_framework.predictor import Predictor, PredictorRequest
 from hpp_framework.registry import hub
+from hpp_framework.settings import altered
 from hpp_framework.task import Task
 from hpp_framework.types import Observation, Trajectories
 
@@ -86,13 +87,13 @@ class HppPlanner(MetaPlanner):
 
 def paper(context: PlannerContext) -> MetaPlanner:
     """Build the planner with the paper's numbers."""
-    config = HppConfig()
+    config = altered(HppConfig(), context.settings, "planner 'hpp', preset 'paper'")
     return HppPlanner(_predictor(config.predictor, context), context.task, config)
 
 
 def best(context: PlannerContext) -> MetaPlanner:
     """Build the planner with the best settings known so far; see docs/decisions.md."""
-    config = LatticeConfig()
+    config = altered(LatticeConfig(), context.settings, "planner 'hpp', preset 'best'")
     return LatticePlanner(_predictor(config.predictor, context), context.task, config)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from hpp_framework.envs.problem import PointToPoint, Practice
-from hpp_framework.errors import ConfigError, suggest
+from hpp_framework.settings import altered
 from hpp_framework.training.ppo import PpoConfig
 from hpp_skills.p2p.network import NetworkShape
 
@@ -73,10 +73,7 @@ class Recipe:
         Raises:
             ConfigError: if a name is unknown, or a value is of another type than the one it replaces.
         """
-        recipe = self
-        for name, value in settings.items():
-            recipe = _altered(recipe, name, name.split("."), value)
-        return recipe
+        return altered(self, settings, "the recipe")
 
 
 GOING_ON: Mapping[str, Any] = {
@@ -84,21 +81,3 @@ GOING_ON: Mapping[str, Any] = {
 }  # fmt: skip
 """What differs when a training goes on from trained weights: small steps and little exploration keep what the
 policy knows, and journeys are harder."""
-
-
-def _altered(owner: Any, name: str, path: list[str], value: Any) -> Any:
-    known = [each.name for each in fields(owner)]
-    if path[0] not in known:
-        hint = suggest(path[0], known).strip()
-        raise ConfigError(f"'{name}' is no setting of the recipe: {path[0]!r} is unknown. {hint} Known here: "
-                          f"{', '.join(known)}.")  # fmt: skip
-    old = getattr(owner, path[0])
-    if is_dataclass(old) and len(path) > 1:
-        return replace(owner, **{path[0]: _altered(old, name, path[1:], value)})
-    if is_dataclass(old) or len(path) > 1:
-        raise ConfigError(f"'{name}' names no single setting of the recipe; give it as 'reward.touch'.")
-    if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not type(old):
-        raise ConfigError(f"'{name}' must be of the kind of {old!r}, got {value!r}.")
-    return replace(owner, **{path[0]: value})
