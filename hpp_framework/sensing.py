@@ -14,10 +14,15 @@ from torch import Tensor
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.robot import RobotSpec
-from hpp_framework.types import Observation, State
+from hpp_framework.types import Keyframes, Observation, State
 
 HISTORY = 5
 """Entries of history that every observation holds (paper, appendix C.3: H = 5)."""
+
+KEYFRAMES = 12
+"""Keyframes that an observation holds beside the history."""
+KEYFRAME_EVERY = 5
+"""Control steps between two keyframes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,15 +60,23 @@ class Sensing:
         noise: disturbances.
         rng: source of the noise.
         history: entries that observations hold; fewer cost less.
+        keyframes: that observations hold, one a second; 0 for none.
 
     Attributes:
         intensity: share of the noise that each episode has (b,), or None for all of it.
     """
 
     def __init__(
-        self, robots: Sequence[RobotSpec], noise: NoiseModel, rng: torch.Generator, *, history: int = HISTORY
+        self,
+        robots: Sequence[RobotSpec],
+        noise: NoiseModel,
+        rng: torch.Generator,
+        *,
+        history: int = HISTORY,
+        keyframes: int = KEYFRAMES,
     ) -> None:
         self.history = history
+        self.keyframes = keyframes
         self.robots = tuple(robots)
         self.noise = noise
         self.rng = rng
@@ -71,6 +84,9 @@ class Sensing:
         self._poses: Tensor = torch.empty(0)
         self._scans: list[Tensor] = []
         self._velocities: Tensor = torch.empty(0)
+        self._key_poses: Tensor = torch.empty(0)
+        self._key_scans: list[Tensor] = []
+        self._until_keyframe = KEYFRAME_EVERY
 
     def reset(self, state: State) -> None:
         """Begin histories that repeat the first measurement."""
@@ -78,15 +94,21 @@ class Sensing:
         self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
         self._scans = [scan[:, None].repeat(1, self.history, 1) for scan in scans]
         self._velocities = state.velocities
+        self._key_poses = poses[:, None].repeat(1, self.keyframes, 1, 1, 1)
+        self._key_scans = [scan[:, None].repeat(1, self.keyframes, 1) for scan in scans]
+        self._until_keyframe = KEYFRAME_EVERY
 
     def update(self, state: State) -> None:
         """Append a measurement of everybody."""
         poses, scans = self._measure(state)
-        self._poses = torch.cat([self._poses[:, 1:], poses[:, None]], 1)
-        self._scans = [
-            torch.cat([old[:, 1:], new[:, None]], 1) for old, new in zip(self._scans, scans, strict=True)
-        ]
+        self._poses = _push(self._poses, poses)
+        self._scans = [_push(old, new) for old, new in zip(self._scans, scans, strict=True)]
         self._velocities = state.velocities
+        self._until_keyframe -= 1
+        if self.keyframes and self._until_keyframe == 0:
+            self._until_keyframe = KEYFRAME_EVERY
+            self._key_poses = _push(self._key_poses, poses)
+            self._key_scans = [_push(old, new) for old, new in zip(self._key_scans, scans, strict=True)]
 
     def restart(self, state: State, robots: Bool[Tensor, "b n"]) -> None:
         """Begin the histories of the chosen robots anew, as observers and as observed.
@@ -101,9 +123,11 @@ class Sensing:
         self._poses[:, -1] = poses
         touched = robots[:, :, None] | robots[:, None, :]
         self._poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._poses)
+        self._key_poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._key_poses)
         for i, scan in enumerate(scans):
             self._scans[i][:, -1] = scan
             self._scans[i] = torch.where(robots[:, None, i, None], scan[:, None], self._scans[i])
+            self._key_scans[i] = torch.where(robots[:, None, i, None], scan[:, None], self._key_scans[i])
         self._velocities = state.velocities
 
     def observe(self, agent: int) -> Observation:
@@ -113,6 +137,9 @@ class Sensing:
             poses=self._poses[:, :, agent],
             scans=self._scans[agent],
             velocity=self._velocities[:, agent],
+            keyframes=Keyframes(self._key_poses[:, :, agent], self._key_scans[agent])
+            if self.keyframes
+            else None,
         )
 
     def _measure(self, state: State) -> tuple[Tensor, list[Tensor]]:
@@ -143,3 +170,8 @@ class Sensing:
 
     def _normal(self, like: Tensor) -> Tensor:
         return torch.randn(like.shape, generator=self.rng).to(like)
+
+
+def _push(entries: Tensor, newest: Tensor) -> Tensor:
+    """Return entries (b, h, ...) without the oldest and with a new one."""
+    return torch.cat([entries[:, 1:], newest[:, None]], 1)

@@ -1,8 +1,8 @@
 """Data that travels between the rooms: states, observations, trajectories.
 
 Everything is a torch tensor with a leading batch dimension ``b`` (episodes). The letters in shapes:
-``b`` episodes, ``n`` robots, ``k`` lidar beams, ``h`` history entries (oldest first), ``g`` goal candidates,
-``t`` predicted times.
+``b`` episodes, ``n`` robots, ``k`` lidar beams, ``h`` history entries (oldest first), ``m`` keyframes, ``g``
+goal candidates, ``t`` predicted times.
 """
 
 from __future__ import annotations
@@ -32,6 +32,19 @@ class State:
 
 
 @dataclass(frozen=True)
+class Keyframes:
+    """What an agent remembers of the last seconds: now and then a scan, and everybody's poses at that time.
+
+    Attributes:
+        poses: noisy poses of all robots in the world frame, oldest first.
+        scans: own lidar, oldest first.
+    """
+
+    poses: Float[Tensor, "b m n 3"]
+    scans: Float[Tensor, "b m k"]
+
+
+@dataclass(frozen=True)
 class Observation:
     """What one agent knows: everybody's noisy poses, its own lidar, its own odometry.
 
@@ -40,12 +53,19 @@ class Observation:
         poses: noisy poses of all robots in the world frame, oldest first.
         scans: own lidar, oldest first.
         velocity: own forward speed (m/s) and turn rate (rad/s).
+        keyframes: what it remembers beyond the history; None where nobody keeps them.
     """
 
     agent: int
     poses: Float[Tensor, "b h n 3"]
     scans: Float[Tensor, "b h k"]
     velocity: Float[Tensor, "b 2"]
+    keyframes: Keyframes | None = None
+
+    def episodes(self, chosen: slice) -> Observation:
+        """Return what the agent knows in some of the episodes."""
+        kept = self.keyframes and Keyframes(self.keyframes.poses[chosen], self.keyframes.scans[chosen])
+        return Observation(self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept)
 
     @property
     def pose(self) -> Float[Tensor, "b 3"]:

@@ -132,7 +132,9 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def _seed(self, seed: int) -> None:
         self.rng = torch_rng(seed, "point-to-point")
         # skills see the present only
-        self._sensing = Sensing(self.simulator.robots, self.noise, torch_rng(seed, "sensing"), history=1)
+        self._sensing = Sensing(
+            self.simulator.robots, self.noise, torch_rng(seed, "sensing"), history=1, keyframes=0
+        )
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None

@@ -180,9 +180,7 @@ def _latencies(observations: Sequence[Observation], agents: Sequence[Agent]) -> 
     """
     seconds: list[float] = []
     for agent, observation in zip(agents, observations, strict=True):
-        alone = Observation(
-            observation.agent, observation.poses[:1], observation.scans[:1], observation.velocity[:1]
-        )
+        alone = observation.episodes(slice(1))
         _, belief = agent.planner.plan(alone, None, torch.Generator().manual_seed(0))
         for repeat in range(LATENCY_REPEATS):
             rng = torch.Generator().manual_seed(repeat)

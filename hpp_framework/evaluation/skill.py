@@ -145,7 +145,9 @@ def drive_journeys(
     """
     goal = journeys.goals[wanted]
     state = simulator.reset(journeys.worlds[wanted], journeys.poses[wanted])
-    sensing = Sensing(simulator.robots, trial.noise, torch_rng(trial.seed, "sensing", wanted.start))
+    sensing = Sensing(
+        simulator.robots, trial.noise, torch_rng(trial.seed, "sensing", wanted.start), keyframes=0
+    )
     sensing.reset(state)
     done = torch.full((len(goal),), -1)
     dwelt = torch.zeros(len(goal), dtype=torch.int64)

@@ -196,7 +196,7 @@ def _simulate(team: Team, skills: list[Skill], config: Collection, index: int) -
     simulator.load(pool.worlds, episodes=config.chunk)
     everyone = torch.ones(config.chunk, len(team), dtype=torch.bool)
     state = simulator.place(torch.from_numpy(world).to(torch.int32), everyone, starts)
-    sensing = Sensing(team.robots, NoiseModel(), torch_rng(config.seed, "sensing", index))
+    sensing = Sensing(team.robots, NoiseModel(), torch_rng(config.seed, "sensing", index), keyframes=0)
     sensing.reset(state)
     poses = np.zeros((config.chunk, config.steps, len(team), 3), np.float32)
     scans = np.zeros((config.chunk, config.steps, len(team), simulator.beams), np.uint16)

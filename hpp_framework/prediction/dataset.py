@@ -16,8 +16,9 @@ from hpp_framework.errors import ConfigError
 from hpp_framework.files import read_json
 from hpp_framework.prediction.collect import FORMAT, SCAN_UNIT
 from hpp_framework.registry import hub
-from hpp_framework.sensing import HISTORY
+from hpp_framework.sensing import HISTORY, KEYFRAME_EVERY
 from hpp_framework.team import Member, Team
+from hpp_framework.types import Keyframes
 
 VALIDATION_SHARE = 0.1
 CHUNKS_PER_BATCH = 4
@@ -35,6 +36,7 @@ class Batch:
         future: of the subject, at the offsets asked for.
         future_scans: of the agent at the first ``f`` offsets.
         valid: whether the offset lies within the trajectory and the goal is still the same.
+        keyframes: what the predicting robot remembers, if asked for.
     """
 
     agent_poses: Float[Tensor, "b h 3"]
@@ -44,6 +46,7 @@ class Batch:
     future: Float[Tensor, "b t 3"]
     future_scans: Float[Tensor, "b f k"]
     valid: Bool[Tensor, "b t"]
+    keyframes: Keyframes | None = None
 
 
 class TrajectoryData:
@@ -94,6 +97,7 @@ class TrajectoryData:
         offsets: tuple[int, ...],
         scan_history: int = HISTORY,
         scan_future: int = 1,
+        keyframes: int = 0,
     ) -> Batch:
         """Draw a batch; a batch comes from a few chunks so that reading stays sequential.
 
@@ -106,6 +110,7 @@ class TrajectoryData:
             offsets: control steps ahead to predict.
             scan_history: newest scans to include.
             scan_future: scans to include at the first offsets.
+            keyframes: of the predicting robot to include, spaced as observations space them.
         """
         chunks = rng.choice(np.array(self.parts[part]), size=CHUNKS_PER_BATCH)
         start = rng.integers(self._rows, size=(size, 1)) * self.steps
@@ -130,6 +135,22 @@ class TrajectoryData:
             future=poses[:, HISTORY:, subject],
             future_scans=scans[:, scan_history:],
             valid=torch.from_numpy(inside) & same,
+            keyframes=self._keyframes(chunks, start, time, agent, keyframes) if keyframes else None,
+        )
+
+    def _keyframes(
+        self,
+        chunks: npt.NDArray[np.int64],
+        start: npt.NDArray[np.int64],
+        time: npt.NDArray[np.int64],
+        agent: int,
+        count: int,
+    ) -> Keyframes:
+        rows = start + np.maximum(time - KEYFRAME_EVERY * np.arange(count, 0, -1), 0)
+        scans = self._gather("scans", chunks, rows * self._robots + agent)
+        return Keyframes(
+            self._gather("poses", chunks, rows).unflatten(-1, (self._robots, 3)),
+            scans.to(torch.float32).mul_(SCAN_UNIT),
         )
 
     def _gather(
