@@ -18,8 +18,16 @@ def register(hub: Hub) -> None:
         ("passages", "a hall cut by walls with narrow passages"),
         ("legs", "table and chair legs, 0.6 m or more apart"),
         ("barn", "dense clutter after the BARN data set, 5 x 5 m"),
+        ("walls", "one to three long thick walls: for tuning planners"),
+        ("maze", "a maze with many ways (held out: for reports only)"),
     ):
         hub.worlds.add(name, f"{worlds}.{name}:{name}", summary=summary)
+    for name, summary in (
+        ("u-trap", "a dead end between the robots (held out: for reports only)"),
+        ("two-doors", "a wall or corridor with two doors (held out: for reports only)"),
+        ("l-room", "an L-shaped room, a robot in either leg (held out: for reports only)"),
+    ):
+        hub.worlds.add(name, f"{worlds}.held_out:{name.replace('-', '_')}", summary=summary)
     hub.worlds.add("simple", f"{worlds}.catalogue:simple", summary="an empty room, 20 x 20 m")
     hub.worlds.add("wall", f"{worlds}.catalogue:wall", summary="one wall, 8 m long, between the robots")
     hub.worlds.add(

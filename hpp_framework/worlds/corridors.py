@@ -46,7 +46,7 @@ def _draw(rng: np.random.Generator, difficulty: float) -> World:
     x, y = _edges(rng, lines, narrowest), _edges(rng, lines, narrowest)
     open_cells = np.zeros((3 * lines - 2, 3 * lines - 2), bool)
     open_cells[::3, ::3] = True
-    along, across = _links(rng, lines, between(*LOOPS, difficulty))
+    along, across = spanning_links(rng, lines, between(*LOOPS, difficulty))
     for row, column in np.argwhere(along).tolist():
         open_cells[3 * row, 3 * column : 3 * column + 4] = True
     for row, column in np.argwhere(across).tolist():
@@ -71,8 +71,13 @@ def _edges(rng: np.random.Generator, lines: int, narrowest: float) -> npt.NDArra
     return edges - edges[-1] / 2
 
 
-def _links(rng: np.random.Generator, lines: int, loops: float) -> tuple[Mask, Mask]:
-    """Join all junctions by a random tree (Kruskal), and a share of the others on top.
+def spanning_links(rng: np.random.Generator, lines: int, loops: float) -> tuple[Mask, Mask]:
+    """Join all junctions of a lattice by a random tree (Kruskal), and some of the others on top.
+
+    Args:
+        rng: source of randomness.
+        lines: junctions in a row and in a column.
+        loops: twice the share of the links outside the tree that are opened too.
 
     Returns:
         (lines, lines - 1) links along x and (lines - 1, lines) links along y.

@@ -95,6 +95,17 @@ def span(world: World, clearance: float) -> float:
     return float(np.ptp(along, axis=0).max()) * GRID
 
 
+def one_region(world: World, clearance: float) -> bool:
+    """Return whether all places where a robot fits hang together.
+
+    Args:
+        world: the world.
+        clearance: gap between the robot and obstacles, metres.
+    """
+    space = free_space(world, body_height=ROBOT_HEIGHT, resolution=GRID)
+    return int(space.regions(ROBOT_RADIUS + clearance).max()) == 1
+
+
 def between(easy: float, hard: float, difficulty: float) -> float:
     """Interpolate: ``easy`` at difficulty 0, ``hard`` at 1."""
     return easy + (hard - easy) * difficulty
