@@ -28,6 +28,9 @@ def register(hub: Hub) -> None:
         ("l-room", "an L-shaped room, a robot in either leg (held out: for reports only)"),
     ):
         hub.worlds.add(name, f"{worlds}.held_out:{name.replace('-', '_')}", summary=summary)
+    hub.worlds.add(
+        "varied", f"{worlds}.varied:varied", summary="training, mixed or walls: what predictors are trained in"
+    )
     hub.worlds.add("simple", f"{worlds}.catalogue:simple", summary="an empty room, 20 x 20 m")
     hub.worlds.add("wall", f"{worlds}.catalogue:wall", summary="one wall, 8 m long, between the robots")
     hub.worlds.add(
@@ -44,10 +47,21 @@ def register(hub: Hub) -> None:
     )
     prediction = "hpp_framework.prediction"
     for name, module, summary in (
-        ("delta-pose-lidar", "delta_rollout", "the paper's one-step model, rolled out (Eq. 2 and 3)"),
+        ("delta-pose-lidar", "delta_pose_lidar", "the paper's one-step model, rolled out (Eq. 2 and 3)"),
+        ("pose-lidar", "pose_lidar", "the paper's ablation: next pose and scan, in world coordinates"),
+        (
+            "delta-general-pose-lidar",
+            "delta_general_pose_lidar",
+            "the paper's ablation: next pose seen from the agent, and next scan",
+        ),
         ("far-sighted", "far_sighted", "positions 1 to 12 s ahead, directly"),
         ("constant-velocity", "constant_velocity", "everybody goes on as now; needs no weights"),
     ):
         hub.predictors.add(name, f"{prediction}.{module}:create", summary=summary)
-    for name, module in (("delta-pose-lidar", "delta"), ("far-sighted", "far_sighted")):
+    for name, module in (
+        ("delta-pose-lidar", "delta_pose_lidar"),
+        ("pose-lidar", "pose_lidar"),
+        ("delta-general-pose-lidar", "delta_general_pose_lidar"),
+        ("far-sighted", "far_sighted"),
+    ):
         hub.predictor_trainers.add(name, f"{prediction}.{module}:train")

@@ -21,6 +21,8 @@ class Collect:
     """Robots, separated by commas."""
     trajectories: int = 10_000
     """How many (50,000 in the paper)."""
+    steps: int = 100
+    """Control steps of 0.2 s a trajectory (100 in the paper)."""
     world: str = "training"
     """Registered world that rooms are drawn from, or a world file (.yaml)."""
     skill: str = "p2p"
@@ -42,11 +44,11 @@ class Collect:
         from hpp_framework.worlds.loader import resolve_world
 
         workers = available_cores() if self.workers is None else self.workers
-        check_positive(workers=workers)
+        check_positive(workers=workers, steps=self.steps)
 
         resolve_world(self.world)
         team = parse_team(self.team, skill=self.skill)
-        config = Collection(trajectories=self.trajectories, world=self.world, seed=self.seed)
+        config = Collection(trajectories=self.trajectories, steps=self.steps, world=self.world, seed=self.seed)
         check_folder(self.out)
         torch.set_num_threads(1)
         total = config.chunks * config.chunk
