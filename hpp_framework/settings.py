@@ -2,13 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
+
+import yaml
 
 from hpp_framework.errors import ConfigError, suggest
 
 Config = TypeVar("Config")
+
+
+def parse_settings(pairs: Sequence[str], option: str) -> dict[str, Any]:
+    """Read ``name=value`` pairs; values are numbers, true, false or text, as YAML has them.
+
+    Raises:
+        ConfigError: if a pair has no name or no ``=``, or a name comes twice.
+    """
+    settings: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not name or not equals:
+            raise ConfigError(f"{option} takes NAME=VALUE, e.g. reward.touch=-0.4; got '{pair}'.")
+        if name in settings:
+            raise ConfigError(f"{option} gives '{name}' twice.")
+        settings[name] = _value(value)
+    return settings
+
+
+def _value(text: str) -> Any:
+    # YAML takes 1e-4 for text
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return yaml.safe_load(text)
 
 
 def altered(config: Config, settings: Mapping[str, Any], owner: str) -> Config:

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from hpp_framework.cli.evaluate_skill import EvaluateSkill
-from hpp_framework.cli.options import Noise, names, to_experiment
+from hpp_framework.cli.options import Noise, Pairs, names, to_experiment
 from hpp_framework.cli.progress import cell_bars
 from hpp_framework.errors import ConfigError
 
@@ -30,7 +30,8 @@ class Evaluate:
     worlds: str = "simple,wall,navigation"
     """Registered worlds or YAML files, separated by commas."""
     planners: str = "hpp,centralized-mp,centralized-oa,centralized-rp"
-    """Registered planners, separated by commas."""
+    """Registered planners, separated by commas; 'hpp:keep=0.05:memory=0' and 'hpp:preset=paper' have
+    settings of their own."""
     team: str = "fetch,freight"
     """Robots, separated by commas; 'id=robot' names one."""
     preset: str = "best"
@@ -51,6 +52,8 @@ class Evaluate:
     """Registered skill of every robot."""
     weights: str = ""
     """Extra folders searched for predictor weights, separated by commas."""
+    set: Pairs = ()
+    """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
     noise: Noise = field(default_factory=Noise)
     """Disturbances of what agents observe."""
     judge: tyro.conf.OmitSubcommandPrefixes[

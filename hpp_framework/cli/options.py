@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import yaml
+import tyro
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.sensing import NoiseModel
+from hpp_framework.settings import parse_settings
 
 if TYPE_CHECKING:
     from hpp_framework.evaluation.experiment import Experiment
+
+Pairs = Annotated[
+    tuple[tuple[str, ...], ...], tyro.conf.arg(metavar="NAME=VALUE ..."), tyro.conf.UseAppendAction
+]
+"""Type of an option ``--set``: one or several pairs, given once or several times."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,31 +57,6 @@ def names(text: str, option: str) -> tuple[str, ...]:
     return items
 
 
-def parse_settings(pairs: Sequence[str], option: str) -> dict[str, Any]:
-    """Read ``name=value`` pairs; values are numbers, true, false or text, as YAML has them.
-
-    Raises:
-        ConfigError: if a pair has no name or no ``=``, or a name comes twice.
-    """
-    settings: dict[str, Any] = {}
-    for pair in pairs:
-        name, equals, value = pair.partition("=")
-        if not name or not equals:
-            raise ConfigError(f"{option} takes NAME=VALUE, e.g. reward.touch=-0.4; got '{pair}'.")
-        if name in settings:
-            raise ConfigError(f"{option} gives '{name}' twice.")
-        settings[name] = _value(value)
-    return settings
-
-
-def _value(text: str) -> Any:
-    # YAML takes 1e-4 for text
-    for kind in (int, float):
-        with suppress(ValueError):
-            return kind(text)
-    return yaml.safe_load(text)
-
-
 def to_experiment(
     options: Any, command: str, *, worlds: tuple[str, ...], planners: tuple[str, ...], episodes: int
 ) -> Experiment:
@@ -109,6 +89,7 @@ def to_experiment(
         skill=options.skill,
         noise=options.noise.model(),
         weights=names(options.weights, "--weights") if options.weights else (),
+        settings=parse_settings(list(chain(*options.set)), "--set"),
     )
 
 

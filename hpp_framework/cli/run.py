@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from hpp_framework.cli.options import Noise, to_experiment
+from hpp_framework.cli.options import Noise, Pairs, to_experiment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class Run:
     team: str = "fetch,freight"
     """Robots, separated by commas; 'id=robot' names one."""
     planner: str = "hpp"
-    """Registered planner of every robot."""
+    """Registered planner of every robot; 'hpp:keep=0.05' gives it a setting."""
     preset: str = "best"
     """Preset of the planner: paper or best."""
     backend: Literal["batch", "sapien"] = "sapien"
@@ -42,6 +42,8 @@ class Run:
     """Registered skill of every robot."""
     weights: str = ""
     """Extra folders searched for predictor weights, separated by commas."""
+    set: Pairs = ()
+    """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
     noise: Noise = field(default_factory=Noise)
     """Disturbances of what agents observe."""
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import tyro
 
-from hpp_framework.cli.options import check_folder, check_positive, parse_settings
+from hpp_framework.cli.options import check_folder, check_positive
 from hpp_framework.errors import ConfigError
+from hpp_framework.settings import parse_settings
 
 if TYPE_CHECKING:
     from hpp_framework.training.search_phase import SearchEvent

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from hpp_framework.agent import Agent
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.planners import parameters, parse_planner
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.statistics import wilson_interval
@@ -26,7 +28,8 @@ from hpp_framework.registry import hub
 from hpp_framework.seeding import child_seed, numpy_rng
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.sim import BACKENDS, make_simulator
-from hpp_framework.team import parse_team
+from hpp_framework.task import Task
+from hpp_framework.team import Team, parse_team
 from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 from hpp_framework.worlds.world import World
@@ -42,7 +45,7 @@ class Experiment:
 
     Attributes:
         worlds: registered worlds or YAML files.
-        planners: registered meta-planners.
+        planners: registered meta-planners, with settings of their own or without, e.g. ``"hpp:keep=0.05"``.
         team: as on the command line, e.g. ``"fetch,freight"``.
         preset: of the planners.
         backend: ``"batch"`` or ``"sapien"``.
@@ -52,6 +55,7 @@ class Experiment:
         skill: registered skill of every robot.
         noise: disturbances of what agents observe.
         weights: extra folders searched for predictor weights.
+        settings: of every planner that has parameters, by dotted name.
     """
 
     worlds: tuple[str, ...]
@@ -65,6 +69,7 @@ class Experiment:
     skill: str = "p2p"
     noise: NoiseModel = NoiseModel()
     weights: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
 
     def __post_init__(self) -> None:
         if self.episodes < 1:
@@ -84,7 +89,11 @@ def read_experiment(file: Path, command: str) -> Experiment:
         ConfigError: if the file is damaged, another command wrote it, or a world file has changed since.
     """
     found = folder.read_config(file, command)
-    kinds = {"str": str, "int": int, "NoiseModel": dict, "tuple[str, ...]": list}
+    kinds = {
+        "str": str, "int": int, "NoiseModel": dict, "tuple[str, ...]": list, "Mapping[str, Any]": dict,
+    }  # fmt: skip
+    for name, default in folder.ADDED.items():
+        found.setdefault(name, default)
     wrong = [f.name for f in fields(Experiment) if type(found.get(f.name)) is not kinds[str(f.type)]]
     remedy = f"Give a config.json that `hpp {command}` wrote."
     if wrong:
@@ -118,20 +127,43 @@ def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactor
         if name not in known:
             raise unknown_name(kind, name, known)
     for planner in experiment.planners:
-        hub().planners.entry(planner)
+        parse_planner(planner)
     team = parse_team(experiment.team, skill=experiment.skill)
     task = hub().tasks.create(experiment.task, team.robots)
     drawn = [draw_episode(experiment, name, factories[name], 0)[0] for name in experiment.worlds]
     configs: dict[str, Any] = {}
     for planner in experiment.planners:
-        agents = build_agents(
-            team, planner, task, preset=experiment.preset, bounds=drawn[0].bounds,
-            weights=tuple(map(Path, experiment.weights)),
-        )  # fmt: skip
-        config = getattr(agents[0].planner, "config", None)
-        configs[planner] = asdict(config) if is_dataclass(config) and not isinstance(config, type) else None
+        agents = make_agents(experiment, planner, team, task, drawn[0].bounds)
+        configs[planner] = parameters(agents[0].planner)
+    if experiment.settings and not any(configs.values()):
+        raise ConfigError(f"no planner has settings, so {', '.join(experiment.settings)} cannot be set.")
     make_simulator(experiment.backend, team.robots).close()
     return configs
+
+
+def make_agents(
+    experiment: Experiment,
+    planner: str,
+    team: Team,
+    task: Task,
+    bounds: tuple[float, float, float, float],
+    *,
+    seed: int = 0,
+) -> list[Agent]:
+    """Build the agents of one of an experiment's planners.
+
+    Args:
+        experiment: names preset, weights and settings.
+        planner: as the experiment names it.
+        team: everybody.
+        task: the shared objective.
+        bounds: of the world, metres.
+        seed: of the agents' randomness.
+    """
+    return build_agents(
+        team, planner, task, preset=experiment.preset, bounds=bounds, seed=seed,
+        weights=tuple(map(Path, experiment.weights)), settings=experiment.settings,
+    )  # fmt: skip
 
 
 def run_experiment(
@@ -170,7 +202,7 @@ def summarise(experiment: Experiment, world: str, planner: str, rows: Sequence[E
     return {
         "world": world,
         "planner": planner,
-        "preset": experiment.preset,
+        "preset": parse_planner(planner).preset or experiment.preset,
         "team": experiment.team,
         "backend": experiment.backend,
         "episodes": len(cell),
@@ -242,10 +274,8 @@ def _run_group(
     task = hub().tasks.create(experiment.task, team.robots)
     worlds = [drawn[episode][0] for episode in group]
     starts = torch.from_numpy(np.stack([drawn[episode][1] for episode in group])).float()
-    agents = build_agents(
-        team, planner, task, preset=experiment.preset, bounds=worlds[0].bounds,
-        seed=child_seed(experiment.seed, name, group[0]), weights=tuple(map(Path, experiment.weights)),
-    )  # fmt: skip
+    seed = child_seed(experiment.seed, name, group[0])
+    agents = make_agents(experiment, planner, team, task, worlds[0].bounds, seed=seed)
     with make_simulator(experiment.backend, team.robots) as simulator:
         episodes = run_episodes(
             simulator, worlds, starts, agents, task, noise=experiment.noise,

@@ -24,6 +24,9 @@ RUN, EVALUATE = "run", "evaluate"
 PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "scipy")
 """Packages that numbers may depend on."""
 
+ADDED: Mapping[str, Any] = {"settings": {}}
+"""What experiments of older versions did not record, as they had it."""
+
 NOT_COMPARED = ("versions", "planner_configs")
 
 
@@ -71,7 +74,7 @@ def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
     """
     file = out / CONFIG
     if file.exists():
-        found = read_json(file)
+        found = {**ADDED, **read_json(file)}
         if found.get("command", EVALUATE) != EVALUATE:
             raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
         # what an older version did not record cannot differ

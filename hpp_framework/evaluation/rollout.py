@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,8 +14,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.agent import Agent, Rest, agent_rng
-from hpp_framework.planner import MetaPlanner, PlannerContext
-from hpp_framework.registry import hub
+from hpp_framework.evaluation.planners import make_planner
+from hpp_framework.planner import PlannerContext
 from hpp_framework.seeding import torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.simulator import Simulator
@@ -75,24 +76,27 @@ def build_agents(
     bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0),
     seed: int = 0,
     weights: tuple[Path, ...] = (),
+    settings: Mapping[str, Any] | None = None,
 ) -> list[Agent]:
     """Give every robot of a team its skill and its own planner of the named kind.
 
     Args:
         team: everybody.
-        planner: registered meta-planner.
+        planner: registered meta-planner, with settings of its own or without, e.g. ``"hpp:keep=0.05"``.
         task: the shared objective.
         preset: of the planner.
         bounds: of the world, metres.
         seed: of the agents' randomness; centralised planners share one source.
         weights: extra folders searched for predictor weights.
+        settings: of every planner that has parameters, by dotted name.
     """
     agents: list[Agent] = []
     for index, skill in enumerate(team.skills()):
         context = PlannerContext(
-            team=team, agent=index, task=task, preset=preset, bounds=bounds, weights=weights
-        )
-        made: MetaPlanner = hub().planners.create(planner, context)
+            team=team, agent=index, task=task, preset=preset, bounds=bounds, weights=weights,
+            settings=settings or {},
+        )  # fmt: skip
+        made = make_planner(planner, context)
         agents.append(Agent(skill, made, Rest(task, team.robots), agent_rng(made, seed, index)))
     return agents
 

@@ -249,7 +249,7 @@ def test_the_report_holds_every_trial_and_the_winner(tmp_path, monkeypatch):
 
 
 def test_the_command_of_the_winner_reads_back_as_it_was(tmp_path):
-    from hpp_framework.cli.options import parse_settings
+    from hpp_framework.settings import parse_settings
 
     settings = {"toy.rate": 1e-05, "toy.size": 12, "toy.kind": "b", "toy.x": 0.2, "toy.on": True}
     command = train_command(config(tmp_path), settings)

@@ -1,0 +1,104 @@
+"""Settings by name: of configs, of planners, on the command line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from hpp_framework.cli.main import main
+from hpp_framework.errors import ConfigError
+from hpp_framework.evaluation.experiment import Experiment, read_experiment, run_experiment
+from hpp_framework.evaluation.planners import make_planner, parameters, parse_planner
+from hpp_framework.planner import MetaPlanner, PlannerContext
+from hpp_framework.planning.hpp import HppConfig
+from hpp_framework.registry import hub
+from hpp_framework.settings import altered, parse_settings, setting
+
+TINY = Experiment(worlds=("simple",), planners=("hpp:predictor=constant-velocity:keep=0",), episodes=1)
+
+
+@pytest.fixture
+def context(straight_team):
+    task = hub().tasks.create("rendezvous", straight_team.robots)
+    return PlannerContext(
+        team=straight_team, agent=0, task=task, settings={"predictor": "constant-velocity", "horizon": 4}
+    )
+
+
+def test_settings_reach_nested_configs_and_leave_the_original_alone():
+    before = HppConfig()
+    after = altered(before, {"cem.samples": 30, "horizon": 2}, "it")
+    assert (after.cem.samples, after.horizon) == (30, 2)
+    assert setting(after, "cem.samples") == 30
+    assert before == HppConfig()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("horizn", 1, "Did you mean 'horizon'"), ("horizon", 2.5, "kind of 5"), ("horizon", "x", "kind of 5"),
+        ("cem", 1, "e.g. 'cem."), ("horizon.more", 1, "ends at 'horizon'"), ("horizon", 0, "horizon >= 1"),
+    ],
+)  # fmt: skip
+def test_wrong_settings_are_refused(name, value, words):
+    with pytest.raises(ConfigError, match=words):
+        altered(HppConfig(), {name: value}, "it")
+
+
+def test_values_are_read_as_numbers_truth_or_text():
+    found = parse_settings(["a=1", "b=1e-4", "c=true", "d=far-sighted", "e=x=y"], "--set")
+    assert found == {"a": 1, "b": 1e-4, "c": True, "d": "far-sighted", "e": "x=y"}
+
+
+def test_planners_have_settings_of_their_own_before_those_of_all(context):
+    planner = make_planner("hpp:horizon=3:keep=0", context)
+    found = parameters(planner)
+    assert found is not None
+    assert (found["predictor"], found["horizon"], found["keep"]) == ("constant-velocity", 3, 0.0)
+    assert parameters(make_planner("centralized-mp", context)) is None
+
+
+def test_a_planner_may_have_a_preset_of_its_own():
+    assert parse_planner("hpp:preset=paper:horizon=2").preset == "paper"
+    assert parse_planner("hpp:preset=paper:horizon=2").settings == {"horizon": 2}
+
+
+def test_settings_of_a_planner_without_parameters_are_refused(context, tmp_path):
+    with pytest.raises(ConfigError, match="'centralized-mp' has no settings"):
+        make_planner("centralized-mp:keep=1", context)
+    with pytest.raises(ConfigError, match="no planner has settings"):
+        run_experiment(replace(TINY, planners=("centralized-mp",), settings={"keep": 1}), tmp_path)
+
+
+def test_a_planner_that_ignores_settings_is_noticed(context, register):
+    class Deaf(MetaPlanner):
+        config = HppConfig()
+
+        def plan(self, observation, belief, rng):
+            raise AssertionError
+
+    register("planners", "test-deaf", lambda context: Deaf())
+    with pytest.raises(ConfigError, match="does not heed"):
+        make_planner("test-deaf", context)
+
+
+def test_settings_are_recorded_and_repeated(tmp_path):
+    experiment = replace(TINY, settings={"reach": 2.0})
+    run_experiment(experiment, tmp_path)
+    config = json.loads((tmp_path / "config.json").read_text())
+    assert config["settings"] == {"reach": 2.0}
+    assert config["planner_configs"][TINY.planners[0]]["reach"] == 2.0
+    assert read_experiment(tmp_path / "config.json", "evaluate") == experiment
+    with pytest.raises(ConfigError, match="settings differ"):
+        run_experiment(TINY, tmp_path)
+
+
+def test_the_option_may_be_given_several_times(tmp_path):
+    main(
+        ["evaluate", "--worlds", "simple", "--planners", "hpp", "--episodes", "1", "--out", str(tmp_path),
+         "--set", "predictor=constant-velocity", "--set", "horizon=3", "reach=1"]
+    )  # fmt: skip
+    settings = json.loads((tmp_path / "config.json").read_text())["settings"]
+    assert settings == {"predictor": "constant-velocity", "horizon": 3, "reach": 1}
