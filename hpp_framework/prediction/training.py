@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import time
 from typing import Any
@@ -22,7 +22,7 @@ from hpp_framework.checkpoints import (
     save_checkpoint,
 )
 from hpp_framework.errors import CheckpointError
-from hpp_framework.prediction.dataset import Batch, TrajectoryData
+from hpp_framework.prediction.dataset import Batch, Prepared, TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, file_name, find_members
 from hpp_framework.predictor import PredictorTraining, TrainingProgress
 from hpp_framework.robot import RobotSpec
@@ -34,7 +34,7 @@ SNAPSHOT_EVERY = 2 * REPORT_EVERY
 """Seconds apart, so that an interruption costs little."""
 VALIDATION_BATCHES = 20
 WARM_UP = 500
-"""Gradient steps over which the learning rate rises: at the full rate from the start, many units never fire."""
+"""Gradient steps over which the learning rate rises; without, many units never fire."""
 FINAL_RATE = 0.02
 """Share of the learning rate that is left at the end."""
 
@@ -52,6 +52,10 @@ class Recipe:
         loss: of a network on a batch.
         errors: named validation errors of a network on a batch, in metres or as named.
         headline: which of these errors is reported while training, and that of constant velocity, in metres.
+        keyframes: of the predicting robot that a sample needs.
+        prepare: computes what a network needs of a batch and does not learn, as ``Batch.prepared``.
+        distinct: batches that a training draws before it goes through the same ones again, their ``prepared``
+            kept in memory; None draws a new one for every gradient step.
     """
 
     kind: str
@@ -62,6 +66,9 @@ class Recipe:
     loss: Callable[[nn.Module, Batch], Tensor]
     errors: Callable[[nn.Module, Batch], dict[str, float]]
     headline: tuple[str, str]
+    keyframes: int = 0
+    prepare: Callable[[Batch], Prepared] | None = None
+    distinct: int | None = None
 
 
 def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
@@ -89,8 +96,9 @@ def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
         child_seed(config.seed, "network")
     )  # torch's layers initialise from the global generator only
     model = recipe.build(agent.robot)
-    curve = _fit(model, data, config, recipe, file)
-    validation = _validate(model, data, config, recipe)
+    batches = _Batches(data, config, recipe)
+    curve = _fit(model, batches, file)
+    validation = _validate(model, batches)
     _report(config, file, config.steps, "finished", _held_out(validation, recipe))
     metadata = {
         **expected_metadata(recipe.kind, agent, subject, own=own),
@@ -127,19 +135,18 @@ def _run(config: PredictorTraining, data: TrajectoryData) -> dict[str, Any]:
     }
 
 
-def _fit(
-    model: nn.Module, data: TrajectoryData, config: PredictorTraining, recipe: Recipe, file: Path
-) -> list[list[float]]:
+def _fit(model: nn.Module, batches: _Batches, file: Path) -> list[list[float]]:
     """Take all gradient steps that are left; returns the curve of (step, mean loss)."""
+    config, recipe = batches.config, batches.recipe
     optimiser = torch.optim.Adam(model.parameters(), lr=config.learning_rate, fused=True)
-    run = _run(config, data)
+    run = _run(config, batches.data)
     start, curve = _resume(model, optimiser, file, run)
     _report(config, file, start, "")
     total = torch.zeros(())
     counted = 0
     began = time()
     for step in range(start, config.steps):
-        total += _learn(model, optimiser, data, config, recipe, step)
+        total += _learn(model, optimiser, batches, step)
         counted += 1
         done = step + 1
         last = done == config.steps
@@ -149,25 +156,18 @@ def _fit(
             counted = 0
             _report(config, file, done, f"loss {curve[-1][1]:.4f}, {(done - start) / (time() - began):.0f}/s")
         if (done == REPORT_EVERY or done % VALIDATE_EVERY == 0) and not last:
-            errors = _validate(model, data, config, recipe)
+            errors = _validate(model, batches)
             _report(config, file, done, "", _held_out(errors, recipe))
         if done % SNAPSHOT_EVERY == 0 and not last:
             _save_resume(model, optimiser, file, {"step": done, "curve": curve, "run": run})
     return curve
 
 
-def _learn(
-    model: nn.Module,
-    optimiser: torch.optim.Optimizer,
-    data: TrajectoryData,
-    config: PredictorTraining,
-    recipe: Recipe,
-    step: int,
-) -> Tensor:
+def _learn(model: nn.Module, optimiser: torch.optim.Optimizer, batches: _Batches, step: int) -> Tensor:
     """Take one gradient step; returns its loss."""
     for group in optimiser.param_groups:
-        group["lr"] = learning_rate(config, step)
-    loss = recipe.loss(model, _sample(data, "train", config, recipe, numpy_rng(config.seed, "batch", step)))
+        group["lr"] = learning_rate(batches.config, step)
+    loss = batches.recipe.loss(model, batches.train(step))
     optimiser.zero_grad(set_to_none=True)
     loss.backward()
     optimiser.step()
@@ -191,25 +191,45 @@ def _held_out(errors: dict[str, float], recipe: Recipe) -> str:
     return f"held-out worlds: {ours} {errors[ours]:.4f}, {theirs} {errors[theirs]:.4f}"
 
 
-def _sample(
-    data: TrajectoryData, part: str, config: PredictorTraining, recipe: Recipe, rng: np.random.Generator
-) -> Batch:
-    return data.sample(
-        part, config.batch, rng, agent=config.agent, subject=config.subject, offsets=recipe.offsets,
-        scan_history=recipe.scan_history, scan_future=recipe.scan_future,
-    )  # fmt: skip
+class _Batches:
+    """Draws the batches of a training, and keeps what was prepared for those that come again."""
+
+    def __init__(self, data: TrajectoryData, config: PredictorTraining, recipe: Recipe) -> None:
+        self.data = data
+        self.config = config
+        self.recipe = recipe
+        self._prepared: dict[tuple[str, int], Prepared] = {}
+
+    def train(self, step: int) -> Batch:
+        """Return the batch of a gradient step."""
+        index = step % self.recipe.distinct if self.recipe.distinct else step
+        return self._draw("train", index, numpy_rng(self.config.seed, "batch", index))
+
+    def validation(self) -> Iterator[Batch]:
+        """Yield batches of held-out worlds, the same at every call."""
+        rng = numpy_rng(0, "validation")
+        for index in range(VALIDATION_BATCHES):
+            yield self._draw("validation", index, rng)
+
+    def _draw(self, part: str, index: int, rng: np.random.Generator) -> Batch:
+        recipe, kept = self.recipe, self._prepared.get((part, index))
+        batch = self.data.sample(
+            part, self.config.batch, rng, agent=self.config.agent, subject=self.config.subject,
+            offsets=recipe.offsets, scan_history=recipe.scan_history, scan_future=recipe.scan_future,
+            keyframes=recipe.keyframes if kept is None else 0,
+        )  # fmt: skip
+        if recipe.prepare is None:
+            return batch
+        kept = kept or recipe.prepare(batch)
+        if recipe.distinct or part == "validation":
+            self._prepared[part, index] = kept
+        return replace(batch, prepared=kept)
 
 
 @torch.no_grad()
-def _validate(
-    model: nn.Module, data: TrajectoryData, config: PredictorTraining, recipe: Recipe
-) -> dict[str, float]:
+def _validate(model: nn.Module, batches: _Batches) -> dict[str, float]:
     """Return the mean errors on held-out worlds, the same batches for everybody."""
-    rng = numpy_rng(0, "validation")
-    rows = [
-        recipe.errors(model, _sample(data, "validation", config, recipe, rng))
-        for _ in range(VALIDATION_BATCHES)
-    ]
+    rows = [batches.recipe.errors(model, batch) for batch in batches.validation()]
     with warnings.catch_warnings():
         # a horizon that no sample of tiny batches reaches is NaN
         warnings.filterwarnings("ignore", "Mean of empty slice", RuntimeWarning)

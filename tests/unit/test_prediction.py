@@ -13,13 +13,14 @@ import torch
 from hpp_framework.checkpoints import load_checkpoint
 from hpp_framework.cli.main import main
 from hpp_framework.errors import CheckpointError, ConfigError
+from hpp_framework.prediction import delta_general_pose_lidar, delta_pose_lidar, pose_lidar
 from hpp_framework.prediction.collect import SCAN_UNIT, Collection, collect
 from hpp_framework.prediction.constant_velocity import ConstantVelocity
 from hpp_framework.prediction.dataset import TrajectoryData
-from hpp_framework.prediction.delta import DeltaNetwork
-from hpp_framework.prediction.delta_rollout import DeltaPoseLidar
 from hpp_framework.prediction.far_sighted import OFFSETS, FarSighted, FarSightedNetwork
 from hpp_framework.prediction.library import model_pairs
+from hpp_framework.prediction.one_step import OneStepNetwork
+from hpp_framework.prediction.one_step_rollout import OneStep
 from hpp_framework.predictor import PredictorRequest, PredictorTraining
 from hpp_framework.registry import hub
 from hpp_framework.seeding import numpy_rng
@@ -27,6 +28,7 @@ from hpp_framework.sensing import HISTORY
 from hpp_framework.team import parse_team
 from hpp_framework.types import Observation
 
+FORMS = [delta_pose_lidar.FORM, pose_lidar.FORM, delta_general_pose_lidar.FORM]
 TINY = Collection(trajectories=60, chunk=20, steps=70, worlds=2, seed=4)
 
 
@@ -129,7 +131,7 @@ def test_future_with_another_goal_is_marked(folder):
     assert batch.valid[:, 1].float().mean() < 0.5
 
 
-@pytest.mark.parametrize("kind", ["delta-pose-lidar", "far-sighted"])
+@pytest.mark.parametrize("kind", [*(form.kind for form in FORMS), "far-sighted"])
 @pytest.mark.parametrize("subject", [0, 1])
 def test_training_learns_resumes_and_is_refused_for_others(team, folder, tmp_path, kind, subject):
     config = PredictorTraining(
@@ -238,7 +240,8 @@ def test_the_card_says_the_command_that_repeats_the_training(config):
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 7, 10])
 def test_a_batch_has_the_size_asked_for(folder, size):
     batch = TrajectoryData(folder).sample("train", size, numpy_rng(0), agent=0, subject=1, offsets=(1, 5))
-    assert {len(getattr(batch, part)) for part in batch.__dataclass_fields__} == {size}
+    parts = [getattr(batch, part) for part in batch.__dataclass_fields__]
+    assert {len(part) for part in parts if part is not None} == {size}
 
 
 @pytest.mark.parametrize("batch", [1, 3])
@@ -336,7 +339,7 @@ def test_rollouts_have_the_promised_shape(fetch, agents):
     seen = observation(agents=agents)
     goals = torch.randn(3, 7, 2, generator=torch.Generator().manual_seed(2))
     models = [
-        (DeltaPoseLidar([DeltaNetwork(222) for _ in range(agents)], 0), 5),
+        *((OneStep(form, [OneStepNetwork(222) for _ in range(agents)], 0), 5) for form in FORMS),
         (FarSighted([FarSightedNetwork(fetch.lidar) for _ in range(agents)]), len(OFFSETS)),
         (ConstantVelocity(), 4),
     ]
@@ -351,7 +354,7 @@ def test_candidates_do_not_influence_each_other(fetch):
     seen = observation()
     goals = torch.randn(3, 7, 2, generator=torch.Generator().manual_seed(2))
     for model in (
-        DeltaPoseLidar([DeltaNetwork(222), DeltaNetwork(222)], 0),
+        *(OneStep(form, [OneStepNetwork(222), OneStepNetwork(222)], 0) for form in FORMS),
         FarSighted([FarSightedNetwork(fetch.lidar), FarSightedNetwork(fetch.lidar)]),
     ):
         together = model.rollout(seen, goals, 5).poses[..., :2]
@@ -370,7 +373,7 @@ def test_models_do_not_depend_on_where_the_world_has_its_origin(fetch):
         0, geometry.compose(place.expand_as(seen.poses), seen.poses), seen.scans, seen.velocity
     )
     for model in (
-        DeltaPoseLidar([DeltaNetwork(222), DeltaNetwork(222)], 0),
+        *(OneStep(f, [OneStepNetwork(222), OneStepNetwork(222)], 0) for f in FORMS if not f.in_world),
         FarSighted([FarSightedNetwork(fetch.lidar), FarSightedNetwork(fetch.lidar)]),
     ):
         here = model.rollout(seen, goals, 4).poses[..., :2]

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from hpp_framework.prediction.delta import HIDDEN
+from hpp_framework.prediction.one_step import HIDDEN
 from hpp_framework.sensing import HISTORY
 
 PI = wp.constant(3.14159265358979)
@@ -26,14 +26,20 @@ class Models:
     """Weights of the team's models; row ``s`` belongs to the robot ``s``; a layer lies input by input.
 
     Attributes:
+        in_world: 1 if the models think in world coordinates, 0 if in the agent's frame.
+        pose_changes: 1 if the models answer with changes of pose, 0 if with poses.
+        reach: so many steps, at most, lie between an imagined scan and a first layer that it enters.
         near: first layer, of the poses in the history (x, y, theta each) and the goal.
         lags: first layer, of what the step 1, 2, ... steps ago did to the lidar, by that step's last layer.
         second: second layer, its bias in the last row, as in the following.
         third: third layer.
         last: fourth layer.
-        change: change of pose, in metres and radians.
+        change: pose or its change, in metres and radians.
     """
 
+    in_world: int
+    pose_changes: int
+    reach: int
     near: wp.array2d(dtype=First)
     lags: wp.array3d(dtype=First)
     second: wp.array2d(dtype=Second)
@@ -106,8 +112,10 @@ def near_inputs(
     history: wp.array3d(dtype=wp.vec3),
     poses: wp.array4d(dtype=wp.vec3),
 ):
-    """Return what poses and goal add to the first layer, the agent's pose, and the robot's seen from it."""
-    frame = pose_at(PAST - 1 + step, episode, candidate, agent, history, poses)
+    """Return what poses and goal add to the first layer, the frame, and what the answer is added to in it."""
+    frame = wp.vec3()
+    if models.in_world == 0:
+        frame = pose_at(PAST - 1 + step, episode, candidate, agent, history, poses)
     turn = wp.vec2(wp.cos(frame[2]), wp.sin(frame[2]))
     target = between(frame, turn, wp.vec3(goal[0], goal[1], 0.0))
     out = models.near[robot, 3 * PAST] * target[0] + models.near[robot, 3 * PAST + 1] * target[1]
@@ -117,6 +125,8 @@ def near_inputs(
         out += models.near[robot, 3 * j] * now[0]
         out += models.near[robot, 3 * j + 1] * now[1]
         out += models.near[robot, 3 * j + 2] * now[2]
+    if models.pose_changes == 0:
+        now = wp.vec3()
     return out, frame, now
 
 
@@ -135,7 +145,7 @@ def imagine(
 
     Args:
         models: of the whole team.
-        agent: index of the predicting robot, in whose frames the models think.
+        agent: index of the predicting robot, in whose frames the models think unless they do in the world's.
         order: robots this launch imagines; the agent itself must have been imagined before the others.
         base: what bias and real lidar add to the first layer (episode, step, robot).
         history: observed poses (episode, entry, robot), oldest first.
@@ -156,7 +166,7 @@ def imagine(
         )
         a_p = base[episode, t, robot] + near_p
         a_q = base[episode, t, robot] + near_q
-        for v in range(t):
+        for v in range(wp.max(t - models.reach, 0), t):
             lag = models.lags[robot, wp.min(t - v, PAST) - 1]
             a_p, a_q = weigh(
                 lag, WIDTHS[3], a_p, a_q, hidden[episode, p, robot, v], hidden[episode, q, robot, v]

@@ -1,8 +1,8 @@
 """Rolls the one-step models of a whole team out together (Algorithm 1), fast enough to plan without a pause.
 
 What is the same for every goal is computed once an observation: how the real lidar enters the first layer.
-The imagined lidar is never written down. It is a sum of linear functions of last layers, and it enters a
-first layer linearly, so one matrix per number of steps in between carries it from the one to the other.
+The imagined lidar is never written down. It is a linear function of a last layer, or a sum of those, and it
+enters a first layer linearly, so one matrix per number of steps in between carries it from one to the other.
 """
 
 from __future__ import annotations
@@ -15,26 +15,29 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.kernels import wp
-from hpp_framework.prediction import delta_kernels as kernels
-from hpp_framework.prediction.delta import KIND, RANGE_CAP, SCAN_SCALE, DeltaNetwork, build
+from hpp_framework.prediction import one_step_kernels as kernels
 from hpp_framework.prediction.library import load_models
+from hpp_framework.prediction.one_step import RANGE_CAP, Form, OneStepNetwork, build
 from hpp_framework.predictor import Imagine, Predictor, PredictorRequest
 from hpp_framework.sensing import HISTORY
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.types import Observation, Trajectories
 
+_ALWAYS = 1 << 30
 
-class DeltaPoseLidar(Predictor):
+
+class OneStep(Predictor):
     """Imagines a team step by step; every model keeps a lidar imagination of its own.
 
     Args:
+        form: of all models.
         models: one a robot, in team order; that of the agent is its self-predictor.
         agent: index of the predicting agent.
     """
 
-    def __init__(self, models: Sequence[DeltaNetwork], agent: int) -> None:
+    def __init__(self, form: Form, models: Sequence[OneStepNetwork], agent: int) -> None:
         self.agent = agent
-        self._weights = _Weights(models)
+        self._weights = _Weights(form, models, agent)
 
     @torch.no_grad()
     def condition(self, observation: Observation, horizon: int) -> Imagine:
@@ -53,29 +56,35 @@ class _Weights:
         models: for the kernel.
         scans: first layers of the capped lidar history (entry and beam, robot and unit).
         bias: of the first layers.
-        drift: what a step's constant change of lidar adds to a first layer 1, 2, ... steps later.
+        drift: what the constant part of an imagined lidar adds to a first layer 1, 2, ... steps later, and
+            what it adds after even more.
     """
 
-    def __init__(self, models: Sequence[DeltaNetwork]) -> None:
+    def __init__(self, form: Form, models: Sequence[OneStepNetwork], agent: int) -> None:
+        self._form = form
         layers = [[m for m in model.layers if isinstance(m, torch.nn.Linear)] for model in models]
         with torch.no_grad():
             first = torch.stack([own[0].weight.T for own in layers])  # inputs: poses, scans, goal
             poses, scans, goals = first.split([3 * HISTORY, first.shape[1] - 3 * HISTORY - 2, 2], 1)
             scans = scans.unflatten(1, (HISTORY, -1)) / RANGE_CAP
-            # entries of the history that are at most so many steps old
-            recent = scans.flip(1).cumsum(1)
+            # the entry of the history that is so many steps old, or all that are at most
+            recent = scans.flip(1).cumsum(1) if form.scan_changes else scans.flip(1)
             heads = torch.stack([torch.cat([m.output.weight.T, m.output.bias[None]]) for m in models])
-            change, seen = heads[..., :3] * models[0].pose_scale, heads[..., 3:] * SCAN_SCALE
+            scales = torch.stack([form.pose_scale(own=robot == agent) for robot in range(len(models))])
+            change, seen = heads[..., :3] * scales[:, None], heads[..., 3:] * form.scan_scale
             lags = torch.einsum("nwk,nlkv->nlwv", seen, recent)
             self.scans = scans.permute(1, 2, 0, 3).flatten(2).flatten(0, 1).contiguous()
             self.bias = torch.stack([own[0].bias for own in layers])
-            self.drift = lags[:, :, -1]
+            later = lags[:, -1:, -1] if form.scan_changes else torch.zeros_like(lags[:, -1:, -1])
+            self.drift = torch.cat([lags[:, :, -1], later], 1)
             hidden = [
                 torch.stack([torch.cat([own[i].weight.T, own[i].bias[None]]) for own in layers])
                 for i in (1, 2, 3)
             ]
             self._packed = (torch.cat([poses, goals / RANGE_CAP], 1), lags, *hidden, change)
         self.models: Any = kernels.Models()
+        self.models.in_world, self.models.pose_changes = int(form.in_world), int(form.pose_changes)
+        self.models.reach = _ALWAYS if form.scan_changes else HISTORY
         names = ("near", "lags", "second", "third", "last", "change")
         kinds = (kernels.First, kernels.First, kernels.Second, kernels.Third, kernels.Last, wp.vec3)
         for name, kind, tensor in zip(names, kinds, self._packed, strict=True):
@@ -83,9 +92,11 @@ class _Weights:
         self._offsets: dict[int, Tensor] = {}
 
     def base(self, scans: Float[Tensor, "b h k"], horizon: int) -> Float[Tensor, "b t n w"]:
-        """Return what bias and lidar add to the first layers, were the lidar to change by the drift alone."""
+        """Return what bias, real lidar and the constant part of the imagined one add to the first layers."""
         capped = scans.clamp(max=RANGE_CAP)
-        longest = torch.cat([capped, capped[:, -1:].expand(-1, horizon - 1, -1)], 1)
+        # imagined changes come on top of the newest scan, imagined scans take its place
+        rest = capped[:, -1:] if self._form.scan_changes else torch.zeros_like(capped[:, -1:])
+        longest = torch.cat([capped, rest.expand(-1, horizon - 1, -1)], 1)
         windows = longest.unfold(1, HISTORY, 1).transpose(2, 3).reshape(-1, len(self.scans))
         out = (windows @ self.scans).unflatten(0, (-1, horizon)).unflatten(2, self.bias.shape)
         return out.add_(self._offset(horizon))
@@ -93,7 +104,7 @@ class _Weights:
     def _offset(self, horizon: int) -> Float[Tensor, "t n w"]:
         """Return bias and drift by step."""
         if horizon not in self._offsets:
-            steps = torch.arange(-1, horizon - 1).clamp(max=HISTORY - 1)
+            steps = torch.arange(-1, horizon - 1).clamp(max=HISTORY)
             drift = self.drift[:, steps]
             drift[:, 0] = 0
             self._offsets[horizon] = (self.bias[:, None] + drift.cumsum(1)).transpose(0, 1).contiguous()
@@ -150,7 +161,7 @@ class _Conditioned:
         ]
 
 
-def create(request: PredictorRequest) -> DeltaPoseLidar:
+def create_form(form: Form, request: PredictorRequest) -> OneStep:
     """Load the models of a team (see :func:`hpp_framework.prediction.library.load_models` for the errors)."""
-    models = load_models(KIND, request, build)
-    return DeltaPoseLidar(cast("list[DeltaNetwork]", models), request.agent)
+    models = load_models(form.kind, request, build)
+    return OneStep(form, cast("list[OneStepNetwork]", models), request.agent)
