@@ -29,13 +29,22 @@ def register(hub: Hub) -> None:
     ):
         hub.worlds.add(name, f"{worlds}.held_out:{name.replace('-', '_')}", summary=summary)
     hub.worlds.add(
-        "varied", f"{worlds}.varied:varied", summary="training, mixed or walls: what predictors are trained in"
+        "varied",
+        f"{worlds}.varied:varied",
+        summary="training, mixed or walls: what predictors are trained in",
     )
     hub.worlds.add("simple", f"{worlds}.catalogue:simple", summary="an empty room, 20 x 20 m")
     hub.worlds.add("wall", f"{worlds}.catalogue:wall", summary="one wall, 8 m long, between the robots")
     hub.worlds.add(
         "navigation", f"{worlds}.catalogue:navigation", summary="a room full of walls, boxes and pillars"
     )
+    for name, summary in (
+        ("real-simple", "the scan of a room with furniture along its walls, 12 x 10 m"),
+        ("real-wall", "the scanned room with a row of cupboards between the robots"),
+        ("real-forest", "the scanned room full of raised desks, among whose legs robots drive"),
+        ("real-roundabout", "the scanned room with a way around an island"),
+    ):
+        hub.worlds.add(name, f"{worlds}.catalogue:{name.replace('-', '_')}", summary=summary)
     planning = "hpp_framework.planning"
     hub.planners.add(
         "hpp", f"{planning}.hpp:hpp", summary="hierarchical predictive planning (presets: paper, best)"
@@ -45,6 +54,11 @@ def register(hub: Hub) -> None:
     hub.planners.add(
         "centralized-rp", f"{planning}.heuristics:random_point", summary="everybody to one random point"
     )
+    for name, summary in (
+        ("full-communication", "a ceiling: one hpp for all, each robot predicted by itself"),
+        ("perfect-model", "a ceiling: one hpp for all, and the simulator predicts"),
+    ):
+        hub.planners.add(name, f"{planning}.ceilings:{name.replace('-', '_')}", summary=summary)
     prediction = "hpp_framework.prediction"
     for name, module, summary in (
         ("delta-pose-lidar", "delta_pose_lidar", "the paper's one-step model, rolled out (Eq. 2 and 3)"),

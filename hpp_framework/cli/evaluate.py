@@ -111,11 +111,15 @@ def summary_table(summary: list[dict[str, Any]]) -> Table:
     ):
         table.add_column(column, justify="left" if column in ("world", "planner") else "right")
     for row in summary:
-        time = "-" if row["time_median_s"] is None else f"{row['time_median_s']:.1f}"
+        time, plan = (_number(row[name]) for name in ("time_median_s", "plan_ms_median"))
         table.add_row(
             escape(row["world"]), escape(row["planner"]), f"{row['success']:.2f}",
             f"{row['success_low']:.2f} .. {row['success_high']:.2f}", f"{row['first_contact']:.2f}", time,
             f"{row['collision_episodes']}/{row['episodes']}", f"{row['final_distance_mean_m']:.2f}",
-            f"{row['plan_ms_median']:.1f}",
+            plan,
         )  # fmt: skip
     return table
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"

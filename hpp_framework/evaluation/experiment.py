@@ -7,6 +7,7 @@ that comparisons are paired.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -211,11 +212,17 @@ def summarise(experiment: Experiment, world: str, planner: str, rows: Sequence[E
         "success_low": round(low, 4),
         "success_high": round(high, 4),
         "first_contact": round(sum(row.first_contact for row in cell) / len(cell), 4),
-        "time_median_s": round(float(np.median(times)), 2) if times else None,
+        "time_median_s": _median(times, 2),
         "collision_episodes": sum(row.collided for row in cell),
         "final_distance_mean_m": round(float(np.mean([row.final_distance_m for row in cell])), 3),
-        "plan_ms_median": round(float(np.median([row.plan_ms for row in cell])), 3),
+        "plan_ms_median": _median([row.plan_ms for row in cell], 3),
     }
+
+
+def _median(values: Sequence[float], digits: int) -> float | None:
+    """Return the median of the numbers there are, None without any."""
+    known = [value for value in values if not math.isnan(value)]
+    return round(float(np.median(known)), digits) if known else None
 
 
 def draw_episode(

@@ -16,6 +16,7 @@ from torch import Tensor
 from hpp_framework.agent import Agent, Rest, agent_rng
 from hpp_framework.evaluation.planners import make_planner
 from hpp_framework.planner import PlannerContext
+from hpp_framework.privileged import PrivilegedPlanner, Truth
 from hpp_framework.seeding import torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.simulator import Simulator
@@ -134,6 +135,7 @@ def run_episodes(
     plan_seconds = _latencies([sensing.observe(i) for i in range(len(agents))], agents)
     for step in range(steps):
         observations = [sensing.observe(i) for i in range(len(agents))]
+        _show(Truth(worlds, state, observations, score.done_step < 0), agents)
         commands = torch.stack([agent.act(o) for agent, o in zip(agents, observations, strict=True)], 1)
         goals.append(torch.stack([agent.goal for agent in agents], 1))
         if watch:
@@ -176,14 +178,22 @@ class _Score:
         self.done_step[running & (self._sustained >= self.task.sustain_steps)] = step
 
 
+def _show(truth: Truth, agents: Sequence[Agent]) -> None:
+    for agent in agents:
+        if isinstance(agent.planner, PrivilegedPlanner):
+            agent.planner.witness(truth)
+
+
 def _latencies(observations: Sequence[Observation], agents: Sequence[Agent]) -> list[float]:
     """Time single plans on the first episode; agents' state and randomness stay untouched.
 
     The first plan of an episode has no belief to go on and may skip work, so it only supplies the belief of
-    the timed ones.
+    the timed ones. What privileged planners take means nothing.
     """
     seconds: list[float] = []
     for agent, observation in zip(agents, observations, strict=True):
+        if isinstance(agent.planner, PrivilegedPlanner):
+            continue
         alone = observation.episodes(slice(1))
         _, belief = agent.planner.plan(alone, None, torch.Generator().manual_seed(0))
         for repeat in range(LATENCY_REPEATS):

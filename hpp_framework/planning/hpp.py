@@ -85,23 +85,41 @@ class HppPlanner(MetaPlanner):
         return found.mean, Belief(found.mean, found.mean, found.std, imagination)
 
 
-def paper(context: PlannerContext) -> MetaPlanner:
+MakePredictor = Callable[[str, PlannerContext], Predictor]
+"""Builds the predictor of a registered name for the agent that a context names."""
+
+
+def own_predictor(name: str, context: PlannerContext) -> Predictor:
+    """Build the predictor that an agent asks about itself and the others.
+
+    Raises:
+        CheckpointError: if there are no weights for the team.
+    """
+    request = PredictorRequest(team=context.team, agent=context.agent, folders=context.weights)
+    return hub().predictors.create(name, request)
+
+
+def paper(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner:
     """Build the planner with the paper's numbers."""
     config = altered(HppConfig(), context.settings, "planner 'hpp', preset 'paper'")
-    return HppPlanner(_predictor(config.predictor, context), context.task, config)
+    return HppPlanner(make_predictor(config.predictor, context), context.task, config)
 
 
-def best(context: PlannerContext) -> MetaPlanner:
+def best(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner:
     """Build the planner with the best settings known so far; see docs/decisions.md."""
     config = altered(LatticeConfig(), context.settings, "planner 'hpp', preset 'best'")
-    return LatticePlanner(_predictor(config.predictor, context), context.task, config)
+    return LatticePlanner(make_predictor(config.predictor, context), context.task, config)
 
 
-PRESETS: dict[str, Callable[[PlannerContext], MetaPlanner]] = {"paper": paper, "best": best}
+PRESETS: dict[str, Callable[[PlannerContext, MakePredictor], MetaPlanner]] = {"paper": paper, "best": best}
 
 
-def hpp(context: PlannerContext) -> MetaPlanner:
+def hpp(context: PlannerContext, make_predictor: MakePredictor = own_predictor) -> MetaPlanner:
     """Build HPP under the context's preset.
+
+    Args:
+        context: what the planner is told.
+        make_predictor: other than an agent's own, for comparisons.
 
     Raises:
         UnknownNameError: if there is no such preset.
@@ -109,9 +127,4 @@ def hpp(context: PlannerContext) -> MetaPlanner:
     """
     if context.preset not in PRESETS:
         raise unknown_name("preset", context.preset, PRESETS)
-    return PRESETS[context.preset](context)
-
-
-def _predictor(name: str, context: PlannerContext) -> Predictor:
-    request = PredictorRequest(team=context.team, agent=context.agent, folders=context.weights)
-    return hub().predictors.create(name, request)
+    return PRESETS[context.preset](context, make_predictor)

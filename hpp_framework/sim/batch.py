@@ -103,20 +103,24 @@ class BatchSimulator(Simulator):
         world_index: Int[Tensor, "b"],
         robots: Bool[Tensor, "b n"],
         poses: Float[Tensor, "b n 3"],
+        velocities: Float[Tensor, "b n 2"] | None = None,
     ) -> State:
-        """Put the chosen robots at rest at new poses, episodes into worlds of the pool, and cast all lidars.
+        """Put the chosen robots at new poses, episodes into worlds of the pool, and cast all lidars.
 
         Args:
             world_index: world of each episode, as an index into the pool.
             robots: which robots to move.
             poses: where to; rows that are not chosen are ignored.
+            velocities: they have there, forward in m/s and turning in rad/s; None for rest.
         """
         self._world_index.copy_(world_index)
         chosen = robots.to(self.device)
         self._state.poses.copy_(
             torch.where(chosen[..., None], poses.to(self._state.poses), self._state.poses)
         )
-        self._state.velocities.masked_fill_(chosen[..., None], 0.0)
+        now = self._state.velocities
+        wanted = torch.zeros_like(now) if velocities is None else velocities.to(now)
+        now.copy_(torch.where(chosen[..., None], wanted, now))
         self._state.collided.masked_fill_(chosen, value=False)
         # what is near has to be looked for again
         self._gap.zero_()
