@@ -13,6 +13,7 @@ from hpp_framework.cli.bench import Bench
 from hpp_framework.cli.collect import Collect
 from hpp_framework.cli.doctor import Doctor
 from hpp_framework.cli.evaluate import Evaluate
+from hpp_framework.cli.inspect import Inspect
 from hpp_framework.cli.list import List
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.search import Search
@@ -22,6 +23,7 @@ from hpp_framework.memory import keep_freed_memory
 
 Command = (
     Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Inspect, tyro.conf.subcommand("inspect")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[Collect, tyro.conf.subcommand("collect")]

@@ -9,15 +9,16 @@ from typing import Annotated, Literal
 import tyro
 
 from hpp_framework.cli.options import Noise, Pairs, to_experiment
+from hpp_framework.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
     """Run one episode and film it.
 
-    Writes episode.mp4 (3-D view beside a top-down view with lidar, goals, beliefs and imagined motion),
-    distance.png, summary.json and config.json into --out. Without a Vulkan driver the video shows the
-    top-down view only.
+    Writes episode.mp4 (a 3-D view, and beside it what each robot sees, weighs and imagines), episode.npz (the
+    episode, for 'hpp inspect'), distance.png, summary.json and config.json into --out. Without a Vulkan
+    driver the video shows the team from above instead of in 3-D.
     """
 
     world: Annotated[str, tyro.conf.arg(aliases=("--worlds",))] = "wall"
@@ -32,6 +33,8 @@ class Run:
     """Simulator."""
     seed: int = 0
     """Seed of world, start and agents."""
+    episode: int = 0
+    """Number of the episode in an 'hpp evaluate' with the same seed: same world, same start."""
     out: Path = Path("out/run")
     """Folder to write to."""
     config: Path | None = None
@@ -49,7 +52,10 @@ class Run:
 
     def run(self) -> None:
         """Run, film, and say where things are."""
-        from hpp_framework.evaluation.showcase import showcase
+        from hpp_framework.evaluation.showcase import recorded_episode, showcase
 
+        if self.episode < 0:
+            raise ConfigError(f"--episode must be 0 or more, got {self.episode}.")
         experiment = to_experiment(self, "run", worlds=(self.world,), planners=(self.planner,), episodes=1)
-        showcase(experiment, self.out)
+        episode = self.episode if self.config is None else recorded_episode(self.config)
+        showcase(experiment, self.out, episode=episode)

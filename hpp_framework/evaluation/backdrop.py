@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from hpp_framework.evaluation.floor_plan import FloorPlan
 from hpp_framework.worlds.occupancy import fill_outlines
-from hpp_framework.worlds.slicing import planar_map, solid_outlines
-from hpp_framework.worlds.world import World
 
 Color = tuple[int, int, int]
 Image = npt.NDArray[np.uint8]
@@ -20,6 +19,9 @@ GRID = (232, 235, 239)
 SOLID, EDGE = (112, 120, 132), (78, 85, 96)
 OVERHEAD = (196, 203, 213)
 INK = (38, 42, 50)
+
+FAINT = 0.22
+"""Share of an obstacle's colour that is left where obstacles are only hinted at."""
 
 
 class Canvas:
@@ -72,29 +74,32 @@ class Canvas:
         cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, self.text_scale, color, 1, cv2.LINE_AA)
 
 
-def paint_world(canvas: Canvas, world: World, *, body_height: float) -> Image:
+def paint_plan(canvas: Canvas, plan: FloorPlan, *, faint: bool = False) -> Image:
     """Paint floor, grid, obstacles and a scale bar.
 
     Args:
         canvas: where to.
-        world: the world; what no robot touches (begins above all of them) is drawn pale.
-        body_height: height of the tallest robot, metres.
+        plan: the world; what no robot touches (begins above all of them) is drawn pale.
+        faint: draw obstacles as a hint only, for pictures of what a robot itself knows.
 
     Returns:
         (height, width, 3) RGB.
     """
     image = np.full((canvas.height, canvas.width, 3), OUTSIDE, np.uint8)
-    x_min, y_min, x_max, y_max = world.bounds
+    x_min, y_min, x_max, y_max = plan.bounds
     floor = canvas.pixels(np.array([[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]]))
     cv2.fillPoly(image, [floor], FLOOR, cv2.LINE_AA, shift=Canvas.SHIFT)
-    _paint_grid(canvas, image, world)
-    _paint_obstacles(canvas, image, world, body_height)
+    _paint_grid(canvas, image, plan)
+    empty = image.copy()
+    _paint_obstacles(canvas, image, plan)
+    if faint:
+        cv2.addWeighted(image, FAINT, empty, 1 - FAINT, 0, image)
     _paint_scale(canvas, image)
     return image
 
 
-def _paint_grid(canvas: Canvas, image: Image, world: World) -> None:
-    x_min, y_min, x_max, y_max = world.bounds
+def _paint_grid(canvas: Canvas, image: Image, plan: FloorPlan) -> None:
+    x_min, y_min, x_max, y_max = plan.bounds
     step = _round_length(48 / canvas.scale)
     for x in np.arange(math.ceil(x_min / step) * step, x_max, step):
         _line(canvas, image, (x, y_min), (x, y_max), GRID, 1)
@@ -102,33 +107,25 @@ def _paint_grid(canvas: Canvas, image: Image, world: World) -> None:
         _line(canvas, image, (x_min, y), (x_max, y), GRID, 1)
 
 
-def _paint_obstacles(canvas: Canvas, image: Image, world: World, body_height: float) -> None:
+def _paint_obstacles(canvas: Canvas, image: Image, plan: FloorPlan) -> None:
     # pale ones first: a table top must not hide the legs below it
-    for box in sorted(world.solid_boxes(), key=lambda box: box.base < body_height):
-        fill, edge = (SOLID, EDGE) if box.base < body_height else (OVERHEAD, SOLID)
-        corners = canvas.pixels(box.corners())
+    for index in np.argsort(plan.boxes_touched, kind="stable"):
+        fill, edge = (SOLID, EDGE) if plan.boxes_touched[index] else (OVERHEAD, SOLID)
+        corners = canvas.pixels(plan.boxes[index])
         cv2.fillPoly(image, [corners], fill, cv2.LINE_AA, shift=Canvas.SHIFT)
         cv2.polylines(image, [corners], True, edge, 1, cv2.LINE_AA, Canvas.SHIFT)
-    for cylinder in sorted(world.cylinders, key=lambda cylinder: cylinder.base < body_height):
-        fill, edge = (SOLID, EDGE) if cylinder.base < body_height else (OVERHEAD, SOLID)
-        center = canvas.pixels(np.array([cylinder.center]))[0].tolist()
-        radius = round(cylinder.radius * canvas.scale * (1 << Canvas.SHIFT))
+    for index in np.argsort(plan.discs_touched, kind="stable"):
+        fill, edge = (SOLID, EDGE) if plan.discs_touched[index] else (OVERHEAD, SOLID)
+        center = canvas.pixels(plan.discs[index, :2]).tolist()
+        radius = round(float(plan.discs[index, 2]) * canvas.scale * (1 << Canvas.SHIFT))
         cv2.circle(image, center, radius, fill, -1, cv2.LINE_AA, shift=Canvas.SHIFT)
         cv2.circle(image, center, radius, edge, 1, cv2.LINE_AA, Canvas.SHIFT)
-    if world.meshes:
-        _paint_meshes(canvas, image, world, body_height)
-
-
-def _paint_meshes(canvas: Canvas, image: Image, world: World, body_height: float) -> None:
-    bare = World(name=world.name, bounds=world.bounds, walled=False, meshes=world.meshes)
-    for outline in solid_outlines(bare, body_height):
-        lines = canvas.pixels(outline.reshape(-1, 2, 2)) / (1 << Canvas.SHIFT)
+    for outline in plan.outlines:
+        lines = canvas.pixels(outline) / (1 << Canvas.SHIFT)
         image[fill_outlines(lines, image.shape[:2]) > 0] = SOLID
-    segments, _ = planar_map(bare, lidar_heights=(), body_height=body_height).touched_below(body_height)
-    for ends in canvas.pixels(segments.reshape(-1, 2, 2)):
-        cv2.line(
-            image, ends[0].tolist(), ends[1].tolist(), EDGE, canvas.stroke(0.04), cv2.LINE_AA, Canvas.SHIFT
-        )
+    stroke = canvas.stroke(0.04)
+    for start, end in canvas.pixels(plan.lines).tolist():
+        cv2.line(image, start, end, EDGE, stroke, cv2.LINE_AA, Canvas.SHIFT)
 
 
 def _paint_scale(canvas: Canvas, image: Image) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.experiment import Experiment, check_experiment, draw_episode, make_agents
 from hpp_framework.evaluation.figures import plot_distance
@@ -21,6 +22,7 @@ from hpp_framework.evaluation.record import EpisodeRecord, Recorder
 from hpp_framework.evaluation.record_file import FILE, save_record
 from hpp_framework.evaluation.rollout import Episodes, median_ms, run_episodes
 from hpp_framework.evaluation.video import write_video
+from hpp_framework.files import read_json
 from hpp_framework.registry import hub
 from hpp_framework.seeding import child_seed
 from hpp_framework.sim import make_simulator
@@ -63,6 +65,18 @@ def showcase(
     folder.open_run(out, config)
     shown = _simulate(experiment, factories[experiment.worlds[0]], episode)
     return _write(shown, config, out, say)
+
+
+def recorded_episode(file: Path) -> int:
+    """Return the number of the episode that a ``config.json`` of ``hpp run`` describes.
+
+    Raises:
+        ConfigError: if the file is damaged, or the number is none.
+    """
+    episode = read_json(file).get("episode", 0)  # older versions had no other
+    if isinstance(episode, bool) or not isinstance(episode, int) or episode < 0:
+        raise ConfigError(f"'{file}' is damaged: 'episode' must be 0 or more, got {episode!r}.")
+    return episode
 
 
 @dataclass(frozen=True)
@@ -109,7 +123,8 @@ def _write(shown: _Shown, config: dict[str, Any], out: Path, say: Callable[[str]
     save_record(out / FILE, record)
     verdict = f"rendezvous after {summary['time_s']} s" if summary["success"] else "no rendezvous within 20 s"
     number = f", episode {about['episode']}" if about["episode"] else ""
-    say(f"{planner} ({about['preset']}) in {about['world']}, {about['backend']}, seed {about['seed']}{number}: {verdict}")
+    where = f"{about['world']}, {about['backend']}, seed {about['seed']}{number}"
+    say(f"{planner} ({about['preset']}) in {where}: {verdict}")
     _plot(shown, f"{about['world']}: {verdict}", planner, out)
     film = frames(record, lambda size: _camera(shown, record, size, say))
     write_video(out / "episode.mp4", film, FRAMES_PER_STEP / CONTROL_PERIOD)
@@ -147,9 +162,7 @@ def _camera(
     view = team_view(shown.world, record.poses[0], size=size)
     camera = SceneCamera(shown.world, robots, view, size=size)
 
-    def picture(
-        poses: npt.NDArray[np.floating], goals: npt.NDArray[np.floating]
-    ) -> npt.NDArray[np.uint8]:
+    def picture(poses: npt.NDArray[np.floating], goals: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
         image = camera.picture(poses)
         for goal, color in zip(goals, colors, strict=True):
             for ink, width in ((WHITE, 7), (color, 4)):

@@ -164,6 +164,37 @@ class SceneCamera:
         return np.rint(image, out=image).astype(np.uint8)
 
 
+def draw_on_floor(
+    image: npt.NDArray[np.uint8],
+    view: View,
+    path: npt.NDArray[np.floating],
+    color: tuple[int, int, int],
+    width: int,
+) -> None:
+    """Draw a line on the floor into a picture, in front of whatever stands there.
+
+    Args:
+        image: (height, width, 3) of a camera with this view; changed in place.
+        view: where the camera stands.
+        path: (t, 2) places in metres; nothing is drawn if one is not finite or not ahead of the camera.
+        color: red, green, blue.
+        width: of the line in pixels.
+    """
+    ahead = np.subtract(view.target, view.eye)
+    ahead = ahead / np.linalg.norm(ahead)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    offsets = np.column_stack([path, np.zeros(len(path))]) - np.array(view.eye)
+    depth = offsets @ ahead
+    if not (depth > 0.1).all():
+        return
+    focal = image.shape[0] / 2 / math.tan(view.field_of_view / 2)
+    across = np.column_stack([offsets @ right, offsets @ np.cross(ahead, right)]) / depth[:, None]
+    places = across * focal + np.array([image.shape[1], image.shape[0]]) / 2 - 0.5
+    points = np.round(np.clip(places, -1e5, 1e5) * 16).astype(np.int32)
+    cv2.polylines(image, [points], False, color, width, cv2.LINE_AA, 4)
+
+
 @cache
 def _keep_engine() -> Any:
     """Hold one render system while this process lives: dropping the last one costs the next seconds."""

@@ -6,7 +6,8 @@ import trimesh
 
 from hpp_framework.errors import ConfigError, HppError
 from hpp_framework.evaluation.figures import draw_worlds, plot_distance
-from hpp_framework.evaluation.topdown import Rollouts, TopDown, close_view, robot_colors
+from hpp_framework.evaluation.marks import robot_colors
+from hpp_framework.evaluation.topdown import TopDown, close_view
 from hpp_framework.registry import hub
 from hpp_framework.worlds.world import Box, Mesh, World
 
@@ -50,12 +51,9 @@ def test_frames_do_not_share_the_background(view):
 
 def test_every_layer_changes_the_picture_and_bears_missing_values(view):
     goals = np.array([[0.0, 2.0], [np.nan, np.nan]])
-    paths = np.linspace(0, 1, 5)[None, :, None, None] * np.ones((3, 5, 2, 2))
     layers = {
         "scans": [np.full(222, 1.5), np.full(222, 25.0)],
         "goals": goals,
-        "beliefs": (goals, np.ones((2, 2))),
-        "rollouts": [Rollouts(paths, np.array([0.0, np.nan, 1.0])), None],
         "trails": np.stack([POSES - 1, POSES]),
         "clock": 3.0,
         "title": "room",
