@@ -70,6 +70,7 @@ def register(hub: Hub) -> None:
         ),
         ("far-sighted", "far_sighted", "positions 1 to 12 s ahead, directly"),
         ("constant-velocity", "constant_velocity", "everybody goes on as now; needs no weights"),
+        ("empty-world", "empty_world", "everybody's own skill as if nothing stood in the way; needs no weights"),
     ):
         hub.predictors.add(name, f"{prediction}.{module}:create", summary=summary)
     for name, module in (
