@@ -48,7 +48,9 @@ class Collect:
 
         resolve_world(self.world)
         team = parse_team(self.team, skill=self.skill)
-        config = Collection(trajectories=self.trajectories, steps=self.steps, world=self.world, seed=self.seed)
+        config = Collection(
+            trajectories=self.trajectories, steps=self.steps, world=self.world, seed=self.seed
+        )
         check_folder(self.out)
         torch.set_num_threads(1)
         total = config.chunks * config.chunk

@@ -24,12 +24,17 @@ VALIDATION_SHARE = 0.1
 CHUNKS_PER_BATCH = 4
 
 
+Prepared = tuple[Tensor, ...]
+"""What a kind of model computes once of a batch."""
+
+
 @dataclass(frozen=True)
 class Batch:
     """Samples at random times of random trajectories; ``h`` entries of history, oldest first.
 
     Attributes:
         agent_poses: of the predicting robot.
+        team_poses: everybody's present poses.
         subject_poses: of the predicted robot.
         scans: of the predicting robot, metres, the newest ``s``.
         goals: common goal, world coordinates.
@@ -37,9 +42,11 @@ class Batch:
         future_scans: of the agent at the first ``f`` offsets.
         valid: whether the offset lies within the trajectory and the goal is still the same.
         keyframes: what the predicting robot remembers, if asked for.
+        prepared: what a kind of model computes once of a batch that comes again, if it does.
     """
 
     agent_poses: Float[Tensor, "b h 3"]
+    team_poses: Float[Tensor, "b n 3"]
     subject_poses: Float[Tensor, "b h 3"]
     scans: Float[Tensor, "b s k"]
     goals: Float[Tensor, "b 2"]
@@ -47,6 +54,7 @@ class Batch:
     future_scans: Float[Tensor, "b f k"]
     valid: Bool[Tensor, "b t"]
     keyframes: Keyframes | None = None
+    prepared: Prepared | None = None
 
 
 class TrajectoryData:
@@ -129,6 +137,7 @@ class TrajectoryData:
         same = (goals[:, 1:] == goals[:, :1]).all(-1)
         return Batch(
             agent_poses=poses[:, :HISTORY, agent],
+            team_poses=poses[:, HISTORY - 1],
             subject_poses=poses[:, :HISTORY, subject],
             scans=scans[:, :scan_history],
             goals=goals[:, 0],

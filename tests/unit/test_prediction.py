@@ -160,10 +160,10 @@ def interrupted(monkeypatch, config, *, after=30):
 
     learn = training._learn
 
-    def cut(model, optimiser, data, config, recipe, step):
+    def cut(model, optimiser, batches, step):
         if step == after:
             raise Stop
-        return learn(model, optimiser, data, config, recipe, step)
+        return learn(model, optimiser, batches, step)
 
     with monkeypatch.context() as patch:
         patch.setattr(training, "SNAPSHOT_EVERY", 20)
