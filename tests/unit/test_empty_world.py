@@ -39,7 +39,7 @@ def test_in_an_empty_world_it_is_right(empty_world):
         truth = poses[4 + 5 * (second + 1) - 1]
         own, other = (out.poses[:, 0, second] - truth)[..., :2].norm(dim=-1).amax(0)
         assert own < 1e-5
-        assert other < 0.2  # its speed is a mean over the last step
+        assert other < 0.3  # its speed is a mean over the last step
 
 
 def test_goals_do_not_influence_each_other_and_may_change_in_number(empty_world):
