@@ -34,6 +34,30 @@ def navigation(rng: np.random.Generator) -> World:
     return _bundled("navigation")
 
 
+def real_simple(rng: np.random.Generator) -> World:
+    """Return the scanned room with furniture along its walls."""
+    del rng
+    return _bundled("real-simple")
+
+
+def real_wall(rng: np.random.Generator) -> World:
+    """Return the scanned room with a row of cupboards between the robots."""
+    del rng
+    return _bundled("real-wall")
+
+
+def real_forest(rng: np.random.Generator) -> World:
+    """Return the scanned room full of raised desks."""
+    del rng
+    return _bundled("real-forest")
+
+
+def real_roundabout(rng: np.random.Generator) -> World:
+    """Return the scanned room with a way around an island."""
+    del rng
+    return _bundled("real-roundabout")
+
+
 @cache
 def _bundled(name: str) -> World:
     return load_world(FOLDER / f"{name}.yaml")

@@ -17,6 +17,7 @@ import trimesh
 from trimesh.intersections import mesh_plane
 
 from hpp_framework.errors import ConfigError
+from hpp_framework.worlds.outlines import simplify
 from hpp_framework.worlds.world import Box, Mesh, World, box_corners
 
 FloatArray = npt.NDArray[np.float32]
@@ -31,6 +32,12 @@ ONE_SIDED = 4
 Such segments come in fours: the sides of a box, one after the other."""
 
 BODY_SLICE_STEP = 0.1
+LOWEST_SLICE = BODY_SLICE_STEP / 2
+"""Metres above the floor below which a mesh is driven over: the floor of a scan is never quite level."""
+
+TOLERANCE = 0.002
+"""Metres by which the cut of a mesh may be off, so that it has fewer segments."""
+
 _NUDGE = 1e-4
 
 
@@ -151,7 +158,7 @@ def _slice_mesh(
     for height in lidar_heights:
         span = (height - 10 * _NUDGE, height + 10 * _NUDGE)
         cuts.append((_cut(solid, height), span, SEEN))
-    levels = np.arange(BODY_SLICE_STEP / 2, max(body_height, BODY_SLICE_STEP), BODY_SLICE_STEP)
+    levels = np.arange(LOWEST_SLICE, max(body_height, BODY_SLICE_STEP), BODY_SLICE_STEP)
     for level in levels:
         span = (float(level) - BODY_SLICE_STEP / 2, float(level) + BODY_SLICE_STEP / 2)
         cuts.append((_cut(solid, float(level)), span, TOUCHED))
@@ -164,5 +171,4 @@ def _cut(solid: Any, height: float) -> FloatArray:
     if len(lines) == 0:
         return np.zeros((0, 4), np.float32)
     flat = lines[:, :, :2].reshape(-1, 4).astype(np.float32)
-    lengths = np.hypot(flat[:, 2] - flat[:, 0], flat[:, 3] - flat[:, 1])
-    return flat[lengths > 1e-6]
+    return simplify(flat, TOLERANCE)
