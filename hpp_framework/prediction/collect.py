@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from hpp_framework.errors import ConfigError
@@ -25,8 +25,8 @@ from hpp_framework.seeding import numpy_rng, torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.skill import Skill
 from hpp_framework.team import Team
+from hpp_framework.types import Observation, State
 from hpp_framework.workers import Report, run_tasks
 from hpp_framework.worlds.pool import WorldPool, build_pool
 
@@ -122,7 +122,7 @@ class _ChunkTask:
 
 
 def _collect_chunk(task: _ChunkTask) -> None:
-    arrays = _simulate(task.team, task.team.skills(), task.config, task.index)
+    arrays = _simulate(task.team, task.config, task.index)
     _write_chunk(_chunk(task.out, task.index), arrays)
 
 
@@ -134,7 +134,7 @@ def _collect_and_report(task: _ChunkTask, report: Report) -> None:
 def _warm_up(task: _ChunkTask) -> None:
     """Simulate two steps, so that the kernels are compiled once and not by every worker."""
     tiny = replace(task.config, chunk=1, worlds=1, steps=2)
-    _simulate(task.team, task.team.skills(), tiny, task.index)
+    _simulate(task.team, tiny, task.index)
 
 
 def _chunk(out: Path, index: int) -> Path:
@@ -185,9 +185,47 @@ def _write_chunk(target: Path, arrays: dict[str, npt.NDArray[Any]]) -> None:
         ) from error
 
 
-def _simulate(team: Team, skills: list[Skill], config: Collection, index: int) -> dict[str, npt.NDArray[Any]]:
-    """Return poses (c, t, n, 3), scans (c, t, n, k) in millimetres, goals (c, t, 2), world (c,)."""
-    rng = numpy_rng(config.seed, "collect", index)
+@dataclass(frozen=True)
+class Moment:
+    """A team on its way, at the beginning of a control step.
+
+    Attributes:
+        step: control steps done.
+        state: the simulator's own memory, which the next step overwrites.
+        observations: one a robot; their velocities are the simulator's memory too.
+        goals: everybody's, world coordinates.
+        world: index of each episode's world.
+    """
+
+    step: int
+    state: State
+    observations: list[Observation]
+    goals: Float[Tensor, "c 2"]
+    world: Int[Tensor, "c"]
+
+
+def drive(
+    team: Team,
+    config: Collection,
+    part: int | str,
+    *,
+    noise: NoiseModel | None = None,
+    keyframes: int = 0,
+) -> Iterator[Moment]:
+    """Drive a chunk of episodes in which the whole team pursues the same random goals.
+
+    Args:
+        team: who drives.
+        config: how.
+        part: names the chunk; worlds, starts and goals depend on the seed and this only.
+        noise: of what robots observe; None for none.
+        keyframes: that observations hold.
+
+    Yields:
+        The beginning of each control step.
+    """
+    skills = team.skills()
+    rng = numpy_rng(config.seed, "collect", part)
     pool = build_pool(config.world, config.worlds, team.robots, seed=int(rng.integers(2**62)))
     world = rng.integers(len(pool), size=config.chunk)
     starts = _starts(pool, world, len(team), config, rng)
@@ -195,20 +233,32 @@ def _simulate(team: Team, skills: list[Skill], config: Collection, index: int) -
     simulator = BatchSimulator(team.robots, threads=1)
     simulator.load(pool.worlds, episodes=config.chunk)
     everyone = torch.ones(config.chunk, len(team), dtype=torch.bool)
-    state = simulator.place(torch.from_numpy(world).to(torch.int32), everyone, starts)
-    sensing = Sensing(team.robots, NoiseModel(), torch_rng(config.seed, "sensing", index), keyframes=0)
+    index = torch.from_numpy(world)
+    state = simulator.place(index.to(torch.int32), everyone, starts)
+    source = torch_rng(config.seed, "sensing", part)
+    sensing = Sensing(team.robots, noise or NoiseModel(), source, keyframes=keyframes)
     sensing.reset(state)
-    poses = np.zeros((config.chunk, config.steps, len(team), 3), np.float32)
-    scans = np.zeros((config.chunk, config.steps, len(team), simulator.beams), np.uint16)
     for step in range(config.steps):
-        poses[:, step] = state.poses.numpy()
-        scans[:, step] = (state.scans / SCAN_UNIT).round().numpy().astype(np.uint16)
-        goal = goals[:, step]
-        commands = [skill.act(sensing.observe(i), goal) for i, skill in enumerate(skills)]
+        seen = [sensing.observe(robot) for robot in range(len(team))]
+        yield Moment(step, state, seen, goals[:, step], index)
+        commands = [skill.act(own, goals[:, step]) for skill, own in zip(skills, seen, strict=True)]
         state = simulator.advance(torch.stack(commands, 1))
         sensing.update(state)
-    first = index * config.worlds
-    return {"poses": poses, "scans": scans, "goals": goals.numpy(), "world": (world + first).astype(np.int64)}
+
+
+def _simulate(team: Team, config: Collection, index: int) -> dict[str, npt.NDArray[Any]]:
+    """Return poses (c, t, n, 3), scans (c, t, n, k) in millimetres, goals (c, t, 2), world (c,)."""
+    beams = max(robot.lidar.beams for robot in team.robots)
+    poses = np.zeros((config.chunk, config.steps, len(team), 3), np.float32)
+    scans = np.zeros((config.chunk, config.steps, len(team), beams), np.uint16)
+    goals = np.zeros((config.chunk, config.steps, 2), np.float32)
+    world = np.zeros(config.chunk, np.int64)
+    for moment in drive(team, config, index):
+        poses[:, moment.step] = moment.state.poses.numpy()
+        scans[:, moment.step] = (moment.state.scans / SCAN_UNIT).round().numpy().astype(np.uint16)
+        goals[:, moment.step] = moment.goals.numpy()
+        world = moment.world.numpy() + index * config.worlds
+    return {"poses": poses, "scans": scans, "goals": goals, "world": world}
 
 
 def _starts(
