@@ -15,7 +15,9 @@ import trimesh
 from hpp_framework.registry import hub
 from hpp_framework.seeding import numpy_rng
 from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
+from hpp_framework.worlds.scans.real_room import LAYOUTS
 from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
 sapien = pytest.importorskip("hpp_framework.sim.sapien")
@@ -118,6 +120,19 @@ def test_table_mesh_and_large_pillar(tmp_path):
     assert compared.mean() > 0.8
     assert error[compared].max() <= TOLERANCE
     assert np.mean(error > TOLERANCE) < 0.005
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_scanned_rooms(name):
+    """The batch simulator leaves out points of a cut that are less than 2 mm off: 1 cm at a grazing angle."""
+    world = resolve_world(name)(np.random.default_rng(0))
+    flat, solid = both_scans(world, free_pairs(world, 40, numpy_rng(0, name)))
+    compared = away_from_edges(flat, solid)
+    error = np.abs(flat - solid)
+    assert compared.mean() > 0.55
+    assert np.mean(error[compared] > TOLERANCE) < 0.001
+    assert error[compared].max() <= 3 * TOLERANCE
+    assert np.mean(error > TOLERANCE) < 0.003
 
 
 def test_a_thin_sheet_is_seen_from_both_sides(tmp_path):

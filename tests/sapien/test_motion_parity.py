@@ -3,13 +3,19 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 import trimesh
 
 from hpp_framework.geometry import wrap_angle
 from hpp_framework.registry import hub
+from hpp_framework.seeding import numpy_rng
 from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.worlds.loader import resolve_world
+from hpp_framework.worlds.occupancy import free_space
+from hpp_framework.worlds.scans.real_room import LAYOUTS
+from hpp_framework.worlds.spawn import spawn_poses
 from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
 sapien = pytest.importorskip("hpp_framework.sim.sapien")
@@ -142,3 +148,42 @@ def test_a_mesh_stops_robots_from_both_sides(tmp_path):
     assert distance < CONTACT
     assert collided == [[True, True], [True, True]]
     torch.testing.assert_close(state.poses[0, :, 0].abs(), torch.full((2,), 0.2877), atol=5e-3, rtol=0)
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_scanned_rooms_stop_robots_alike_and_let_none_through(name):
+    """Nobody leaves the part of the room he began in, through no hole, in neither simulator."""
+    world, rng, episodes = resolve_world(name)(np.random.default_rng(0)), numpy_rng(1, name), 16
+    start = np.stack([spawn_poses(world, robots(), rng) for _ in range(episodes)])
+    simulators = [BatchSimulator(robots()), sapien.SapienSimulator(robots())]
+    for simulator in simulators:
+        simulator.reset([world] * episodes, torch.tensor(start, dtype=torch.float32))
+    space = free_space(world, body_height=robots()[0].height, resolution=0.025)
+    # a few centimetres of overlap are left to robots that press
+    labels = space.regions(0.2)
+    collided = torch.zeros(2, episodes, 2, dtype=torch.bool)
+    for _ in range(4):
+        speeds = rng.uniform((0.3, -0.8), (1.0, 0.8), (episodes, 2, 2))
+        for _ in range(15):
+            states = [simulator.step(torch.tensor(speeds, dtype=torch.float32)) for simulator in simulators]
+            collided |= torch.stack([state.collided for state in states])
+            for state in states:
+                now = space.look_up(labels, state.poses[..., :2].numpy())
+                assert (now == space.look_up(labels, start[..., :2])).all()
+    assert collided.any(dim=(1, 2)).all()
+    assert (collided[0] == collided[1]).float().mean() > 0.9
+
+
+def test_a_floor_that_is_not_level_is_driven_over(tmp_path):
+    side = 17
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(-4, 4, side), np.linspace(-4, 4, side)))
+    points = np.column_stack([x, y, numpy_rng(0, "floor").uniform(-0.02, 0.04, len(x))])
+    low = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.stack([low, low + 1, low + side + 1, low, low + side + 1, low + side], -1).reshape(-1, 3)
+    trimesh.Trimesh(points, faces).export(tmp_path / "floor.ply")
+    world = World(name="floor", walled=False, meshes=(Mesh(file=tmp_path / "floor.ply"),))
+    commands = constant([[1.0, 0.0], [1.0, 0.0]], 20)
+    distance, _, collided, state = drive_both(robots(), world, [[-3, 1, 0], [3, -1, math.pi]], commands)
+    assert distance < FREE_SPACE
+    assert collided == [[False, False], [False, False]]
+    assert state.poses[0, 0, 0] > -1.0
