@@ -66,7 +66,7 @@ def decisions(record: EpisodeRecord) -> list[Decision]:
 
 def goal_disagreement(record: EpisodeRecord, step: int) -> float:
     """Return the largest distance between agents' goals at a control step, metres (0 for a lone robot)."""
-    goals = np.stack([agent.goals[step] for agent in record.agents]).astype(np.float64)
+    goals = record.goals()[step].astype(np.float64)
     return float(np.linalg.norm(goals[:, None] - goals[None], axis=-1).max())
 
 

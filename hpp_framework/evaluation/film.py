@@ -65,7 +65,7 @@ class _Film:
     def __init__(self, record: EpisodeRecord, make_camera: CameraMaker) -> None:
         self.record = record
         self.colors = robot_colors(record.robots)
-        self.view = close_view(record.ground, record.poses, AROUND)
+        self.view = close_view(record.ground, record.poses, AROUND, record.goals())
         shared = (SHARED_WIDTH, HEIGHT - strip_height(CAPTION_LINES))
         self.camera = make_camera(shared)
         self.top = TopDown(record.ground, record.robots, size=shared, view=self.view)
@@ -74,6 +74,11 @@ class _Film:
         width = min(MINDS_WIDTH, HEIGHT * self.columns) // self.columns
         height = HEIGHT // self.rows - strip_height(CAPTION_LINES)
         self.minds = [Mind(record, i, size=(width, height), view=self.view) for i in range(shown)]
+        spare = shown < self.columns * self.rows
+        self.above = (
+            TopDown(record.ground, record.robots, size=(width, height), view=self.view) if spare else None
+        )
+        self.goals = record.goals()
         self.legend = legend(SHARED_WIDTH + width * self.columns)
         self.decided = {(d.agent, d.plan.step): d for d in decisions(record)}
 
@@ -81,19 +86,25 @@ class _Film:
         """Draw one moment between a step and the next."""
         poses = _between(self.record.poses, step, share)
         tiles = [self._mind(mind, still, step, share) for mind, still in zip(self.minds, stills, strict=True)]
-        empty = np.full_like(tiles[0], 255)
-        tiles += [empty] * (self.columns * self.rows - len(tiles))
+        tiles += [self._spare(poses, step, tiles[0])] * (self.columns * self.rows - len(tiles))
         rows = [np.hstack(tiles[r * self.columns : (r + 1) * self.columns]) for r in range(self.rows)]
         picture = np.hstack([self._shared(poses, step, share), np.vstack(rows)])
         return np.vstack([picture, self.legend])
 
     def _shared(self, poses: Poses, step: int, share: float) -> Frame:
-        goals = np.stack([agent.goals[step] for agent in self.record.agents])
+        goals = self.goals[step]
         if self.camera is None:
             image = self.top.frame(poses, goals=goals, trails=self.record.poses[: step + 1])
         else:
             image = self.camera(poses, goals)
         return np.vstack([strip(SHARED_WIDTH, self._shared_lines(poses, step, share)), image])
+
+    def _spare(self, poses: Poses, step: int, like: Frame) -> Frame:
+        """Draw everybody from above where a view is left over."""
+        if self.above is None:
+            return np.full_like(like, 255)
+        image = self.above.frame(poses, goals=self.goals[step], trails=self.record.poses[: step + 1])
+        return np.vstack([strip(image.shape[1], ["everybody", "true places, and all goals"]), image])
 
     def _shared_lines(self, poses: Poses, step: int, share: float) -> list[str]:
         about, seconds = self.record.about, (step + share) * self.record.period

@@ -65,7 +65,7 @@ class Inspection:
     def __init__(self, record: EpisodeRecord, found: Sequence[Decision]) -> None:
         self.record = record
         self.found = list(found)
-        view, size = close_view(record.ground, record.poses, AROUND), (SIDE, SIDE)
+        view, size = close_view(record.ground, record.poses, AROUND, record.goals()), (SIDE, SIDE)
         self.minds = [Mind(record, i, size=size, view=view) for i in range(len(record.agents))]
         self.truth = TopDown(record.ground, record.robots, size=size, view=view)
 

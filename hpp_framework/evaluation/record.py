@@ -121,6 +121,10 @@ class EpisodeRecord:
         """Robot data in team order."""
         return tuple(agent.robot for agent in self.agents)
 
+    def goals(self) -> Float[Floats, "s n 2"]:
+        """Return the goal of each agent's skill at each control step, metres."""
+        return np.stack([agent.goals for agent in self.agents], 1)
+
 
 @dataclass
 class Recorder:

@@ -102,13 +102,16 @@ def _read(file: Path) -> Arrays:
         with np.load(file, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise _foreign(file)
-            return {name: archive[name] for name in archive.files}
+            arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
     except OSError as error:
         raise ConfigError(f"cannot read '{file}': {error.strerror or error}.") from error
     except (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         if zipfile.is_zipfile(file) or file.read_bytes()[:2] == b"PK":
             raise _damaged(file, str(error)) from error
         raise _foreign(file) from error
+    if not all(isinstance(array, np.ndarray) for array in arrays.values()):
+        raise _foreign(file)
+    return arrays
 
 
 def _header(file: Path, arrays: Arrays) -> dict[str, Any]:

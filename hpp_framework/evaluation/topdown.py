@@ -27,6 +27,9 @@ MARGIN = 1.0
 AROUND = 4.0
 """Ground shown around the robots by :func:`close_view`, in metres."""
 
+AROUND_GOALS = 0.6
+"""Ground shown around goals, in metres."""
+
 
 class TopDown:
     """Draws one team in one world.
@@ -117,7 +120,7 @@ class TopDown:
 
 
 def close_view(
-    world: World | FloorPlan, poses: Array, around: float = AROUND
+    world: World | FloorPlan, poses: Array, around: float = AROUND, goals: Array | None = None
 ) -> tuple[float, float, float, float]:
     """Return a square view (x_min, y_min, x_max, y_max) of the robots with some ground around them, metres.
 
@@ -125,10 +128,16 @@ def close_view(
         world: the world; the view does not reach far beyond its bounds.
         poses: (..., 3) or (..., 2) places that must be seen, world frame.
         around: ground shown beyond the outermost, metres.
+        goals: (..., 2) places that should be seen as far as they lie within the bounds, NaN for none.
     """
     points = np.asarray(poses, np.float64)[..., :2].reshape(-1, 2)
     low, high = points.min(0) - around, points.max(0) + around
     x_min, y_min, x_max, y_max = world.bounds
+    if goals is not None:
+        found = np.asarray(goals, np.float64).reshape(-1, 2)
+        inside = np.clip(found[np.isfinite(found).all(-1)], (x_min, y_min), (x_max, y_max))
+        low = np.minimum(low, inside.min(0, initial=np.inf) - AROUND_GOALS)
+        high = np.maximum(high, inside.max(0, initial=-np.inf) + AROUND_GOALS)
     side = min(float((high - low).max()), max(x_max - x_min, y_max - y_min) + 2 * MARGIN)
     center = (low + high) / 2
     return center[0] - side / 2, center[1] - side / 2, center[0] + side / 2, center[1] + side / 2
