@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
+from hpp_framework.cli.evaluate_predictor import EvaluatePredictor
 from hpp_framework.cli.evaluate_skill import EvaluateSkill
+from hpp_framework.cli.evaluate_tables import blame_table, comparison_table, summary_table
 from hpp_framework.cli.options import Noise, Pairs, names, to_experiment
 from hpp_framework.cli.progress import cell_bars
 from hpp_framework.errors import ConfigError
@@ -58,9 +58,10 @@ class Evaluate:
     """Disturbances of what agents observe."""
     judge: tyro.conf.OmitSubcommandPrefixes[
         Annotated[EvaluateSkill, tyro.conf.subcommand("skill")]
+        | Annotated[EvaluatePredictor, tyro.conf.subcommand("predictor")]
         | Annotated[None, tyro.conf.subcommand("planners", description="What is described above.")]
     ] = None
-    """What to judge; options of skills come after the word skill."""
+    """What to judge; options of skills and predictors come after that word."""
 
     def run(self) -> None:
         """Run the experiment and print its summary."""
@@ -79,7 +80,12 @@ class Evaluate:
         )
         with cell_bars() as report:
             summary = run_experiment(experiment, self.out, progress=report)
-        Console(width=TABLE_WIDTH).print(summary_table(summary))
+        console = Console(width=TABLE_WIDTH)
+        console.print(summary_table(summary["cells"]))
+        if summary["comparisons"]:
+            console.print(comparison_table(summary["comparisons"]))
+        if summary["blame"]:
+            console.print("\nsuccess lost to", blame_table(summary["blame"]), sep="\n")
         print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
 
     def _check_nothing_else(self) -> None:
@@ -91,35 +97,6 @@ class Evaluate:
         ]
         if given:
             raise ConfigError(
-                f"options of `hpp evaluate skill` come after its name: move {', '.join(given)}."
+                "options of `hpp evaluate skill` and `hpp evaluate predictor` come after that word: move "
+                f"{', '.join(given)}."
             )
-
-
-def summary_table(summary: list[dict[str, Any]]) -> Table:
-    """Return the summary as a table."""
-    table = Table(box=None)
-    for column in (
-        "world",
-        "planner",
-        "success",
-        "95 % interval",
-        "contact",
-        "time s",
-        "collided",
-        "distance m",
-        "ms",
-    ):
-        table.add_column(column, justify="left" if column in ("world", "planner") else "right")
-    for row in summary:
-        time, plan = (_number(row[name]) for name in ("time_median_s", "plan_ms_median"))
-        table.add_row(
-            escape(row["world"]), escape(row["planner"]), f"{row['success']:.2f}",
-            f"{row['success_low']:.2f} .. {row['success_high']:.2f}", f"{row['first_contact']:.2f}", time,
-            f"{row['collision_episodes']}/{row['episodes']}", f"{row['final_distance_mean_m']:.2f}",
-            plan,
-        )  # fmt: skip
-    return table
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"

@@ -11,8 +11,12 @@ from rich.progress import Progress
 
 
 @contextmanager
-def cell_bars() -> Generator[Callable[[str, int, int], None]]:
-    """Show a bar a cell while the context lasts; gives what is to be called with (cell, done, total)."""
+def cell_bars(unit: str = "episodes") -> Generator[Callable[[str, int, int], None]]:
+    """Show a bar a cell while the context lasts; gives what is to be called with (cell, done, total).
+
+    Args:
+        unit: of the total, in words.
+    """
     with Progress(transient=True) as progress:
         bars: dict[str, Any] = {}
 
@@ -23,6 +27,6 @@ def cell_bars() -> Generator[Callable[[str, int, int], None]]:
             progress.update(bars[cell], completed=done)
             # a log file shows no bar
             if not progress.console.is_terminal and done == total and not finished:
-                progress.console.print(f"{escape(cell)}: {total} episodes", highlight=False)
+                progress.console.print(f"{escape(cell)}: {total} {unit}", highlight=False)
 
         yield report

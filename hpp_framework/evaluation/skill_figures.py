@@ -61,7 +61,7 @@ def plot_competence(
     rule = f"hatched: not trusted (fewer than {TRUSTED_EPISODES} episodes, or success below {TRUSTED_SHARE})"
     figure.suptitle(fill(title, LINE * len(worlds)), fontsize=10)
     figure.supxlabel(f"success over episodes; {rule}", fontsize=8, color="#4a4f59")
-    return _save(figure, file)
+    return save_figure(figure, file)
 
 
 def _draw(axes: Any, bins: Sequence[CompetenceBin]) -> None:
@@ -91,7 +91,13 @@ def _draw(axes: Any, bins: Sequence[CompetenceBin]) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _save(figure: Figure, file: Path) -> Path:
+def save_figure(figure: Figure, file: Path) -> Path:
+    """Write a picture, completely or not at all; returns the file.
+
+    Raises:
+        ConfigError: if there is no such format.
+        HppError: if the file cannot be written.
+    """
     try:
         with replacing(file) as temporary:
             figure.savefig(temporary, format=file.suffix[1:] or "png")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ def load_models(
         _check_folder(folder, kind)
     members = request.team.members
     agent = members[request.agent]
-    folders = [*request.folders, *(entry.factory()() for entry in hub().checkpoints)]
+    folders = _folders(request)
     models: list[nn.Module] = []
     for index, subject in enumerate(members):
         own = index == request.agent
@@ -100,6 +101,30 @@ def load_models(
         load_into(model, weights, file)
         models.append(model.eval())
     return models
+
+
+def find_cards(kind: str, request: PredictorRequest) -> dict[str, dict[str, Any]]:
+    """Return the cards of the models that one agent of a team uses, by file name.
+
+    Kinds without weights have none.
+
+    Args:
+        kind: registered predictor name.
+        request: who predicts whom.
+    """
+    agent = request.team.members[request.agent]
+    found: dict[str, dict[str, Any]] = {}
+    for index, subject in enumerate(request.team.members):
+        name = file_name(agent, subject, own=index == request.agent)
+        with suppress(CheckpointError):
+            file = _find(_folders(request), kind, name)
+            found[name] = load_checkpoint(file, {})[1]
+    return found
+
+
+def _folders(request: PredictorRequest) -> list[Path]:
+    """Return where weights are searched, in this order."""
+    return [*request.folders, *(entry.factory()() for entry in hub().checkpoints)]
 
 
 def _check_folder(folder: Path, kind: str) -> None:

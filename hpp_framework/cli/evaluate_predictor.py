@@ -1,0 +1,131 @@
+"""``hpp evaluate predictor``: how far off motion models are, and whether they know how sure to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from hpp_framework.cli.options import Noise, names
+from hpp_framework.cli.progress import cell_bars
+
+TABLE_WIDTH = 120
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluatePredictor:
+    """Drive a team to common goals in fresh worlds, and ask predictors on the way where everybody will be.
+
+    The models constant-velocity and empty-world, which have learnt nothing, are always asked too. Writes
+    errors.csv (a row a predictor, world, robots and horizon), calibration.csv, summary.json, config.json
+    and pictures into --out.
+    """
+
+    name: Annotated[str, tyro.conf.Positional] = "delta-pose-lidar"
+    """Registered predictor."""
+    compare: str = ""
+    """More registered predictors that are asked the same, separated by commas."""
+    team: str = "fetch,freight"
+    """Robots, separated by commas; 'id=robot' names one."""
+    skill: str = "p2p"
+    """Registered skill of every robot."""
+    worlds: str = "training"
+    """Registered worlds or YAML files, separated by commas."""
+    trajectories: int = 200
+    """Trajectories a world; each asks at three moments."""
+    seconds: float = 12.0
+    """Look so far ahead, at most."""
+    weights: str = ""
+    """Extra folders searched for predictor weights, separated by commas."""
+    seed: int = 0
+    """Seed of worlds, starts, goals and noise."""
+    out: Path = Path("out/predictor")
+    """Folder to write to."""
+    noise: Noise = field(default_factory=Noise)
+    """Disturbances of what robots observe."""
+
+    def run(self) -> None:
+        """Ask, and print the errors."""
+        from hpp_framework.evaluation.predictor_study import (
+            CALIBRATION,
+            ERRORS,
+            PICTURES,
+            PredictorStudy,
+            run_study,
+        )
+
+        listed = f"{self.name},{self.compare}" if self.compare else self.name
+        study = PredictorStudy(
+            predictors=names(listed, "--compare" if self.compare else "predictor"),
+            team=self.team,
+            skill=self.skill,
+            worlds=names(self.worlds, "--worlds"),
+            trajectories=self.trajectories,
+            seconds=self.seconds,
+            weights=names(self.weights, "--weights") if self.weights else (),
+            noise=self.noise.model(),
+            seed=self.seed,
+        )
+        with cell_bars("steps") as report:
+            summary = run_study(study, self.out, progress=report)
+        console = Console(width=TABLE_WIDTH)
+        console.print(error_table(summary))
+        if any("calibration" in row for row in summary):
+            console.print(calibration_table(summary))
+        for title, file in (("errors", ERRORS), ("calibration", CALIBRATION)):
+            print(f"{title + ':':12} {self.out / file}")
+        for picture in PICTURES:
+            if (self.out / picture).exists():
+                print(f"{'picture:':12} {self.out / picture}")
+
+
+def error_table(summary: list[dict[str, Any]]) -> Table:
+    """Return the mean errors of :func:`hpp_framework.evaluation.predictor_study.run_study` as a table."""
+    from hpp_framework.evaluation.predictor_study import TABLE_SECONDS
+
+    first = summary[0]
+    title = (
+        f"mean position error in metres (in brackets: 90 % are better): {first['team']}, "
+        f"{first['trajectories']} trajectories a world, seed {first['seed']}"
+    )
+    table = Table(box=None, title=escape(title), title_justify="left", title_style="")
+    for column in ("world", "role", "predictor"):
+        table.add_column(column)
+    for seconds in TABLE_SECONDS:
+        table.add_column(f"{seconds:g} s", justify="right")
+    order = sorted(
+        summary, key=lambda row: (row["world"] == "all worlds", row["world"], row["role"] != "self")
+    )
+    for row in order:
+        errors = {each["seconds"]: each for each in row["errors"]}
+        cells = (_error(errors.get(seconds)) for seconds in TABLE_SECONDS)
+        table.add_row(escape(row["world"]), row["role"], escape(row["predictor"]), *cells)
+    return table
+
+
+def calibration_table(summary: list[dict[str, Any]]) -> Table:
+    """Return how sure predictors were, and should have been, as a table."""
+    table = Table(
+        box=None, title="share of true positions in the region of", title_justify="left", title_style=""
+    )
+    levels = (50, 80, 90, 95)
+    for column in ("world", "role", "predictor", *(f"{level} %" for level in levels), "NLL", "NLL, one std"):
+        table.add_column(column, justify="left" if column in ("world", "role", "predictor") else "right")
+    for row in summary:
+        if "calibration" in row:
+            found = row["calibration"]
+            table.add_row(
+                escape(row["world"]), row["role"], escape(row["predictor"]),
+                *(f"{found[f'coverage_{level}']:.3f}" for level in levels), f"{found['nll']:.2f}",
+                f"{found['nll_constant']:.2f}",
+            )  # fmt: skip
+    return table
+
+
+def _error(found: dict[str, float] | None) -> str:
+    return "-" if found is None else f"{found['mean_m']:.3f} ({found['p90_m']:.3f})"

@@ -1,0 +1,237 @@
+"""Compares predictors on the same fresh trajectories, beside two models that have learnt nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hpp_framework.errors import ConfigError
+from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.predictor_figures import (
+    plot_calibration,
+    plot_horizons,
+    plot_losses,
+    plot_worlds,
+)
+from hpp_framework.evaluation.predictor_score import (
+    ALL,
+    ALL_WORLDS,
+    CalibrationRow,
+    ErrorRow,
+    calibration_rows,
+    error_rows,
+    pool,
+)
+from hpp_framework.evaluation.predictor_trials import Misses, draw_questions, misses
+from hpp_framework.evaluation.table import write_rows
+from hpp_framework.files import replacing
+from hpp_framework.prediction.library import find_cards
+from hpp_framework.predictor import Predictor, PredictorRequest
+from hpp_framework.registry import hub
+from hpp_framework.sensing import NoiseModel
+from hpp_framework.team import Team, parse_team
+
+BASELINES = ("constant-velocity", "empty-world")
+ERRORS, CALIBRATION = "errors.csv", "calibration.csv"
+PICTURES = ("horizons.png", "worlds.png", "calibration.png", "losses.png")
+ROLES = ("self", "other")
+TABLE_SECONDS = (1.0, 2.0, 5.0, 10.0)
+"""Horizons that ``summary.json`` and the printed table show."""
+Progress = Callable[[str, int, int], None]
+Cells = dict[tuple[str, str, int, int], Misses]
+"""By predictor, world, and the places of agent and subject in the team."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictorStudy:
+    """What is judged; written into the run folder.
+
+    Attributes:
+        predictors: registered predictors; those of :data:`BASELINES` that are missing come last.
+        team: as on the command line.
+        skill: registered skill of everybody.
+        worlds: registered worlds or world files.
+        trajectories: a world.
+        seconds: ahead, at most.
+        weights: extra folders searched for weights.
+        noise: of what robots observe.
+        seed: of worlds, starts, goals and noise.
+        judged: tells the folder from one that compares planners or skills.
+    """
+
+    predictors: tuple[str, ...]
+    team: str = "fetch,freight"
+    skill: str = "p2p"
+    worlds: tuple[str, ...] = ("training",)
+    trajectories: int = 200
+    seconds: float = 12.0
+    weights: tuple[str, ...] = ()
+    noise: NoiseModel = NoiseModel()
+    seed: int = 0
+    judged: str = "predictors"
+
+    def __post_init__(self) -> None:
+        if not self.predictors or not self.worlds:
+            raise ConfigError("name at least one predictor and one world.")
+        if self.trajectories < 2:
+            raise ConfigError(f"trajectories must be at least 2, got {self.trajectories}.")
+        if not 0.2 <= self.seconds <= 60:
+            raise ConfigError(f"seconds must lie between 0.2 and 60, got {self.seconds:g}.")
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """Return all predictors, the baselines among them."""
+        return (*self.predictors, *(name for name in BASELINES if name not in self.predictors))
+
+    def request(self, team: Team, agent: int) -> PredictorRequest:
+        """Return what the factory of an agent's predictor is told."""
+        return PredictorRequest(team=team, agent=agent, folders=tuple(Path(w) for w in self.weights))
+
+
+def run_study(
+    study: PredictorStudy, out: Path, *, progress: Progress = lambda *_: None
+) -> list[dict[str, Any]]:
+    """Ask every predictor of every robot in every world, and write tables and pictures.
+
+    Args:
+        study: what is judged.
+        out: run folder; created, or written anew if it holds the same study.
+        progress: called with (what is under way, steps done, steps in all).
+
+    Returns:
+        What ``summary.json`` holds: the mean errors of each predictor, world and role.
+
+    Raises:
+        HppError: if the study names something wrong or misses weights (nothing is written then), or ``out``
+            holds something else or cannot be written.
+    """
+    team = parse_team(study.team, skill=study.skill)
+    models = _models(study, team)
+    folder.open_evaluation(out, folder.record(folder.EVALUATE, asdict(study), {}))
+    cells: Cells = {}
+    for world in study.worlds:
+        cells |= _ask_all(study, team, models, world, progress)
+    errors, calibration = list(_errors(study, team, cells)), list(_calibrations(study, cells))
+    write_rows(out / ERRORS, errors, ErrorRow)
+    write_rows(out / CALIBRATION, calibration, CalibrationRow)
+    summary = _summary(study, errors, calibration)
+    _write(out / folder.SUMMARY, json.dumps(summary, indent=2) + "\n")
+    title = f"{study.team}, {study.trajectories} trajectories a world, seed {study.seed}"
+    plot_horizons(out / PICTURES[0], errors, title=title)
+    plot_worlds(out / PICTURES[1], errors, title=title)
+    if calibration:
+        plot_calibration(out / PICTURES[2], dict(_pooled(study, cells)), title=title)
+    cards = {
+        name: {
+            model: card
+            for agent in range(len(team))
+            for model, card in find_cards(name, study.request(team, agent)).items()
+        }
+        for name in study.predictors
+    }
+    plot_losses(out / PICTURES[3], {name: found for name, found in cards.items() if found})
+    return summary
+
+
+def _models(study: PredictorStudy, team: Team) -> dict[str, list[Predictor]]:
+    """Return the predictors of all agents, by name."""
+    return {
+        name: [hub().predictors.create(name, _for(study, name, team, agent)) for agent in range(len(team))]
+        for name in study.compared
+    }
+
+
+def _for(study: PredictorStudy, name: str, team: Team, agent: int) -> PredictorRequest:
+    request = study.request(team, agent)
+    # folders hold weights of some kinds only, and baselines have none
+    holding = tuple(each for each in request.folders if (each / name).is_dir())
+    return (
+        request if name == study.predictors[0] else PredictorRequest(team=team, agent=agent, folders=holding)
+    )
+
+
+def _ask_all(
+    study: PredictorStudy, team: Team, models: Mapping[str, list[Predictor]], world: str, progress: Progress
+) -> Cells:
+    progress(world, 0, len(models) + 1)
+    questions = draw_questions(
+        team,
+        world,
+        trajectories=study.trajectories,
+        seconds=study.seconds,
+        seed=study.seed,
+        noise=study.noise,
+    )
+    found: Cells = {}
+    for done, (name, predictors) in enumerate(models.items()):
+        progress(world, done + 1, len(models) + 1)
+        for agent, predictor in enumerate(predictors):
+            for subject, miss in enumerate(misses(predictor, agent, questions)):
+                found[name, world, agent, subject] = miss
+    progress(world, len(models) + 1, len(models) + 1)
+    return found
+
+
+def _pooled(study: PredictorStudy, cells: Cells) -> Iterator[tuple[tuple[str, str, str], Misses]]:
+    """Give the misses of each predictor, world (and all of them) and role."""
+    for name in study.compared:
+        for world in (*study.worlds, *((ALL_WORLDS,) if len(study.worlds) > 1 else ())):
+            for role in ROLES:
+                parts = [
+                    miss
+                    for (predictor, place, agent, subject), miss in cells.items()
+                    if predictor == name
+                    and world in (place, ALL_WORLDS)
+                    and (agent == subject) == (role == "self")
+                ]
+                if parts:
+                    yield (name, world, role), pool(parts)
+
+
+def _errors(study: PredictorStudy, team: Team, cells: Cells) -> Iterator[ErrorRow]:
+    for (name, world, role), found in _pooled(study, cells):
+        yield from error_rows(found, predictor=name, world=world, role=role)
+    for (name, world, agent, subject), found in cells.items():
+        yield from error_rows(
+            found, predictor=name, world=world, role=ROLES[agent != subject], agent=team.ids[agent],
+            subject=team.ids[subject],
+        )  # fmt: skip
+
+
+def _calibrations(study: PredictorStudy, cells: Cells) -> Iterator[CalibrationRow]:
+    for (name, world, role), found in _pooled(study, cells):
+        yield from calibration_rows(found, predictor=name, world=world, role=role)
+
+
+def _summary(
+    study: PredictorStudy, errors: list[ErrorRow], calibration: list[CalibrationRow]
+) -> list[dict[str, Any]]:
+    """Return what each predictor, world and role comes to."""
+    out: dict[tuple[str, str, str], dict[str, Any]] = {}
+    for row in errors:
+        if row.agent == ALL:
+            cell = out.setdefault(
+                (row.predictor, row.world, row.role),
+                {"predictor": row.predictor, "world": row.world, "role": row.role, "team": study.team,
+                 "seed": study.seed, "trajectories": study.trajectories, "errors": []},
+            )  # fmt: skip
+            if row.seconds in TABLE_SECONDS:
+                cell["errors"].append(
+                    {k: v for k, v in asdict(row).items() if k.endswith("_m") or k in ("seconds", "count")}
+                )
+    for row in calibration:
+        if row.seconds == 0:
+            kept = {k: v for k, v in asdict(row).items() if k.startswith(("coverage", "nll", "std"))}
+            out[row.predictor, row.world, row.role]["calibration"] = kept
+    return list(out.values())
+
+
+def _write(file: Path, text: str) -> None:
+    try:
+        with replacing(file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write '{file}': {error.strerror}. Choose another --out.") from error
