@@ -1,26 +1,19 @@
-"""Figures: distance over time, and the picture of the catalogue. Drawn without a display or global state."""
+"""Figures: distance over time. Drawn without a display or global state."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hpp_framework.errors import ConfigError, HppError
-from hpp_framework.evaluation.topdown import TopDown
 from hpp_framework.files import replacing
-from hpp_framework.registry import hub
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.worlds.spawn import spawn_poses
 
 COLORS = ("#f26a1b", "#1868c4", "#26965a", "#aa3ca0", "#c8a014", "#14a0aa", "#c8323c", "#6e5ac8")
-CATALOGUE = ("training", "simple", "wall", "navigation")
-TEAM = ("fetch", "freight")
 
 
 def plot_distance(
@@ -82,32 +75,6 @@ def plot_distance(
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
     return _save(figure, Path(file))
-
-
-def draw_worlds(out: Path, *, side: int = 560) -> Path:
-    """Draw the catalogue, each world with a team at its start, into one PNG.
-
-    Args:
-        out: the picture.
-        side: pixels of each world.
-
-    Raises:
-        HppError: if the file cannot be written.
-    """
-    robots = [hub().robots.create(name) for name in TEAM]
-    tiles: list[npt.NDArray[np.uint8]] = []
-    for name in CATALOGUE:
-        world = hub().worlds.create(name, numpy_rng(0, "world"))
-        poses = spawn_poses(world, robots, numpy_rng(0, "start"))
-        tiles.append(TopDown(world, robots, size=(side, side)).frame(poses, title=name))
-    picture = np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])
-    encoded = cv2.imencode(".png", picture[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_bytes(encoded.tobytes())
-    except OSError as error:
-        raise _unwritable(out, error) from error
-    return out
 
 
 def _summary(

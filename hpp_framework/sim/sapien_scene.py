@@ -17,7 +17,7 @@ import trimesh
 
 from hpp_framework.errors import ConfigError, SimulatorError
 from hpp_framework.robot import RobotSpec
-from hpp_framework.worlds.slicing import LOWEST_SLICE, load_mesh
+from hpp_framework.worlds.slicing import load_mesh, standing_faces
 from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
 with warnings.catch_warnings():
@@ -197,7 +197,7 @@ def _cylinder_pose(cylinder: Cylinder) -> Any:
 def _mesh_shapes(mesh: Mesh, material: Any) -> list[Any]:
     placed = load_mesh(mesh)
     # the floor of a scan is never quite level: as in the batch simulator, robots drive over what lies flat
-    faces = placed.faces[placed.vertices[placed.faces][..., 2].max(1) > LOWEST_SLICE]
+    faces = standing_faces(placed)
     if len(faces) == 0:
         return []
     # rays and bodies pass through the back of a triangle, and scans have sheets and wrong windings

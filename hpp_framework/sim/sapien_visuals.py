@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 
 from hpp_framework.robot import Part, RobotSpec
 from hpp_framework.sim.sapien_scene import UPRIGHT, pose_of, sapien
-from hpp_framework.worlds.slicing import load_mesh
+from hpp_framework.worlds.slicing import load_mesh, standing_faces
 from hpp_framework.worlds.world import Box, Cylinder, World
 
 Color = tuple[float, float, float]
@@ -70,7 +70,10 @@ def add_world(scene: Any, world: World, sun: Direction) -> None:
         _add(scene, _shadow(outline, cylinder.base, cylinder.base + cylinder.height, sun))
     for mesh in world.meshes:
         placed = load_mesh(mesh)
-        _add(scene, [_triangles(np.asarray(placed.triangles), MESH)])
+        # the floor of a scan would show in patches, as it is now above and now below the room's
+        standing = np.asarray(placed.vertices)[standing_faces(placed)]
+        if len(standing):
+            _add(scene, [_triangles(standing, MESH)])
 
 
 class RobotVisual:

@@ -131,6 +131,16 @@ def load_mesh(mesh: Mesh) -> Any:
     return loaded
 
 
+def standing_faces(placed: Any) -> npt.NDArray[np.int64]:
+    """Return the faces (f, 3) of a placed mesh that are more than floor: they reach above the lowest slice.
+
+    Args:
+        placed: from :func:`load_mesh`.
+    """
+    faces = np.asarray(placed.faces)
+    return faces[np.asarray(placed.vertices)[faces][..., 2].max(1) > LOWEST_SLICE]
+
+
 @lru_cache(maxsize=64)
 def _read_mesh(file: Path) -> Any:
     if not file.is_file():

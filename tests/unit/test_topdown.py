@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from hpp_framework.errors import ConfigError, HppError
-from hpp_framework.evaluation.figures import draw_worlds, plot_distance
+from hpp_framework.evaluation.figures import plot_distance
 from hpp_framework.evaluation.marks import robot_colors
 from hpp_framework.evaluation.topdown import TopDown, close_view
 from hpp_framework.registry import hub
@@ -83,10 +83,6 @@ def test_bad_sizes_and_views_are_refused(robots):
         TopDown(World(name="room"), robots, size=(10, 10))
     with pytest.raises(ConfigError, match="view"):
         TopDown(World(name="room"), robots, view=(1, 1, 0, 0))
-
-
-def test_catalogue_picture(tmp_path):
-    assert draw_worlds(tmp_path / "worlds.png", side=120).stat().st_size > 1000
 
 
 def test_distance_plot_takes_one_or_many_episodes(tmp_path):
