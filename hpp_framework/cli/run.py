@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 import tyro
 
 from hpp_framework.cli.options import Noise, Pairs, to_experiment
-from hpp_framework.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +34,8 @@ class Run:
     """Seed of world, start and agents."""
     episode: int = 0
     """Number of the episode in an 'hpp evaluate' with the same seed: same world, same start."""
+    of: int = 0
+    """Episodes of that evaluation: runs all that it ran side by side, so that all is as it was; 0: alone."""
     out: Path = Path("out/run")
     """Folder to write to."""
     config: Path | None = None
@@ -52,10 +53,11 @@ class Run:
 
     def run(self) -> None:
         """Run, film, and say where things are."""
-        from hpp_framework.evaluation.showcase import recorded_episode, showcase
+        from hpp_framework.evaluation.showcase import Which, recorded_episode, showcase
 
-        if self.episode < 0:
-            raise ConfigError(f"--episode must be 0 or more, got {self.episode}.")
         experiment = to_experiment(self, "run", worlds=(self.world,), planners=(self.planner,), episodes=1)
-        episode = self.episode if self.config is None else recorded_episode(self.config)
-        showcase(experiment, self.out, episode=episode)
+        if self.config is None:
+            which = Which(episode=self.episode, of=self.of)
+        else:
+            which = recorded_episode(self.config)
+        showcase(experiment, self.out, which=which)

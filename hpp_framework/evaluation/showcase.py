@@ -14,7 +14,7 @@ import torch
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation import folder
-from hpp_framework.evaluation.experiment import Experiment, check_experiment, draw_episode, make_agents
+from hpp_framework.evaluation.experiment import CHUNK, Experiment, check_experiment, draw_episode, make_agents
 from hpp_framework.evaluation.figures import plot_distance
 from hpp_framework.evaluation.film import FRAMES_PER_STEP, Camera, frames
 from hpp_framework.evaluation.marks import WHITE, robot_colors
@@ -36,8 +36,28 @@ CROSS = 0.22
 """Half the width of a goal's cross on the floor, metres."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Which:
+    """One episode of an evaluation with the same seed.
+
+    Attributes:
+        episode: its number: same world, same start.
+        of: episodes a cell of that evaluation, to run its whole batch as it was, since random numbers and
+            rounding depend on the batch; 0 runs the episode alone.
+    """
+
+    episode: int = 0
+    of: int = 0
+
+    def __post_init__(self) -> None:
+        if self.episode < 0:
+            raise ConfigError(f"episode must be 0 or more, got {self.episode}.")
+        if self.of and self.episode >= self.of:
+            raise ConfigError(f"there is no episode {self.episode} of {self.of}; the first is 0.")
+
+
 def showcase(
-    experiment: Experiment, out: Path, *, episode: int = 0, say: Callable[[str], None] = print
+    experiment: Experiment, out: Path, *, which: Which | None = None, say: Callable[[str], None] = print
 ) -> dict[str, Any]:
     """Run one episode of the first world and planner of an experiment and write what happened into ``out``.
 
@@ -46,7 +66,7 @@ def showcase(
     Args:
         experiment: one world, one planner.
         out: run folder.
-        episode: its number in an evaluation with the same seed: same world, same start.
+        which: the episode, by default number 0 alone.
         say: called with lines for the user.
 
     Returns:
@@ -56,27 +76,30 @@ def showcase(
         HppError: if the experiment names something wrong (nothing is written then), or ``out`` holds an
             evaluation or cannot be written.
     """
+    which = which or Which()
     experiment = replace(
         experiment, worlds=experiment.worlds[:1], planners=experiment.planners[:1], episodes=1
     )
     factories = {experiment.worlds[0]: resolve_world(experiment.worlds[0])}
     configs = check_experiment(experiment, factories)
-    config = folder.record(folder.RUN, {**asdict(experiment), "episode": episode}, configs)
+    config = folder.record(folder.RUN, {**asdict(experiment), **asdict(which)}, configs)
     folder.open_run(out, config)
-    shown = _simulate(experiment, factories[experiment.worlds[0]], episode)
+    shown = _simulate(experiment, factories[experiment.worlds[0]], which)
     return _write(shown, config, out, say)
 
 
-def recorded_episode(file: Path) -> int:
-    """Return the number of the episode that a ``config.json`` of ``hpp run`` describes.
+def recorded_episode(file: Path) -> Which:
+    """Return which episode a ``config.json`` of ``hpp run`` describes.
 
     Raises:
-        ConfigError: if the file is damaged, or the number is none.
+        ConfigError: if the file is damaged, or the numbers are none.
     """
-    episode = read_json(file).get("episode", 0)  # older versions had no other
-    if isinstance(episode, bool) or not isinstance(episode, int) or episode < 0:
-        raise ConfigError(f"'{file}' is damaged: 'episode' must be 0 or more, got {episode!r}.")
-    return episode
+    found = read_json(file)
+    # older versions had no other than episode 0 alone
+    episode, of = (found.get(name, 0) for name in ("episode", "of"))
+    if type(episode) is not int or type(of) is not int:
+        raise ConfigError(f"'{file}' is damaged: episode and of must be whole numbers, got {episode}, {of}.")
+    return Which(episode=episode, of=of)
 
 
 @dataclass(frozen=True)
@@ -90,20 +113,39 @@ class _Shown:
     recorder: Recorder
 
 
-def _simulate(experiment: Experiment, factory: WorldFactory, episode: int) -> _Shown:
+def _simulate(experiment: Experiment, factory: WorldFactory, which: Which) -> _Shown:
     name, planner = experiment.worlds[0], experiment.planners[0]
     team = parse_team(experiment.team, skill=experiment.skill)
     task: Task = hub().tasks.create(experiment.task, team.robots)
-    world, start = draw_episode(experiment, name, factory, episode)
-    seed = child_seed(experiment.seed, name, episode)
-    agents = make_agents(experiment, planner, team, task, world.bounds, seed=seed)
-    recorder = Recorder()
+    drawn = _batch(experiment, factory, which)
+    first, index = min(drawn), list(drawn).index(which.episode)
+    worlds = [world for world, _ in drawn.values()]
+    starts = torch.from_numpy(np.stack([start for _, start in drawn.values()])).float()
+    seed = child_seed(experiment.seed, name, first)
+    agents = make_agents(experiment, planner, team, task, worlds[0].bounds, seed=seed)
+    recorder = Recorder(index=index)
     with make_simulator(experiment.backend, team.robots) as simulator:
         episodes = run_episodes(
-            simulator, [world], torch.from_numpy(start).float()[None], agents, task, noise=experiment.noise,
-            seed=child_seed(experiment.seed, name, episode, "noise"), watch=recorder,
+            simulator, worlds, starts, agents, task, noise=experiment.noise,
+            seed=child_seed(experiment.seed, name, first, "noise"), watch=recorder,
         )  # fmt: skip
-    return _Shown(team, task, world, episodes, recorder)
+    return _Shown(team, task, worlds[index], episodes, recorder)
+
+
+def _batch(
+    experiment: Experiment, factory: WorldFactory, which: Which
+) -> dict[int, tuple[World, npt.NDArray[np.floating]]]:
+    """Return world and start of the episodes that an evaluation runs side by side with the chosen one."""
+    name, chunk = experiment.worlds[0], CHUNK[experiment.backend]
+    own = draw_episode(experiment, name, factory, which.episode)
+    if not which.of:
+        return {which.episode: own}
+    first = which.episode - which.episode % chunk
+    drawn = {
+        number: draw_episode(experiment, name, factory, number)
+        for number in range(first, min(first + chunk, which.of))
+    }
+    return {number: pair for number, pair in drawn.items() if pair[0].bounds == own[0].bounds}
 
 
 def _write(shown: _Shown, config: dict[str, Any], out: Path, say: Callable[[str], None]) -> dict[str, Any]:
@@ -136,10 +178,12 @@ def _write(shown: _Shown, config: dict[str, Any], out: Path, say: Callable[[str]
 
 
 def _plot(shown: _Shown, title: str, planner: str, out: Path) -> None:
-    times = np.arange(shown.episodes.poses.shape[1]) * CONTROL_PERIOD
+    index = shown.recorder.index
+    last = int(shown.episodes.last_step()[index])
+    times = np.arange(last + 1) * CONTROL_PERIOD
     radius = shown.task.radius
     plot_distance(
-        out / "distance.png", times, {planner: shown.episodes.spread().numpy()},
+        out / "distance.png", times, {planner: shown.episodes.spread()[index, : last + 1].numpy()},
         2 * radius if radius is not None and len(shown.team) == 2 else None, title=title,
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from base64 import b64decode
@@ -200,12 +201,34 @@ def test_mistakes_are_said(pair, tmp_path, capsys):
 def test_a_run_s_episode_number_is_checked(tmp_path, capsys):
     from hpp_framework.evaluation.showcase import recorded_episode
 
-    (tmp_path / "config.json").write_text('{"episode": -1}')
-    with pytest.raises(ConfigError, match="damaged"):
-        recorded_episode(tmp_path / "config.json")
-    with pytest.raises(SystemExit):
-        main(["run", "--episode", "-1"])
-    assert "--episode" in capsys.readouterr().err
+    for content, message in (('{"episode": -1}', "0 or more"), ('{"episode": true}', "damaged")):
+        (tmp_path / "config.json").write_text(content)
+        with pytest.raises(ConfigError, match=message):
+            recorded_episode(tmp_path / "config.json")
+    for options, message in ((["-1"], "0 or more"), (["3", "--of", "3"], "no episode 3 of 3")):
+        with pytest.raises(SystemExit):
+            main(["run", "--out", str(tmp_path / "out"), "--episode", *options])
+        assert message in capsys.readouterr().err
+
+
+def test_an_episode_of_an_evaluation_is_run_again_as_it_was(tmp_path, monkeypatch):
+    """Also where agents and sensors draw random numbers, which the batch shares."""
+    from hpp_framework.evaluation import showcase
+    from hpp_framework.evaluation.experiment import Experiment, run_experiment
+    from hpp_framework.evaluation.showcase import Which
+    from hpp_framework.sensing import NoiseModel
+
+    monkeypatch.setattr(showcase, "write_video", lambda *_: None)
+    experiment = Experiment(
+        worlds=("simple",), planners=("centralized-rp",), episodes=3, seed=5001,
+        noise=NoiseModel(position_std=0.1),
+    )  # fmt: skip
+    run_experiment(experiment, tmp_path / "all")
+    with (tmp_path / "all" / "episodes.csv").open() as stream:
+        row = list(csv.DictReader(stream))[1]
+    told = showcase.showcase(experiment, tmp_path / "one", which=Which(episode=1, of=3), say=lambda _: None)
+    assert told["success"] == bool(int(row["success"]))
+    assert told["final_distance_m"] == pytest.approx(float(row["final_distance_m"]), abs=6e-4)
 
 
 def test_records_without_plans_can_be_looked_at(pair, tmp_path):
