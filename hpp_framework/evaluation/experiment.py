@@ -7,7 +7,6 @@ that comparisons are paired.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -19,10 +18,11 @@ import torch
 from hpp_framework.agent import Agent
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.meeting import meeting_bounds
 from hpp_framework.evaluation.planners import parameters, parse_planner
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.rows import EpisodeRow, to_rows
-from hpp_framework.evaluation.statistics import wilson_interval
+from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.planner import PRESETS
 from hpp_framework.registry import hub
@@ -38,6 +38,9 @@ from hpp_framework.worlds.world import World
 Progress = Callable[[str, int, int], None]
 
 CHUNK = {"batch": 100, "sapien": 5}
+
+Bounds = dict[int, float]
+"""Least times of the episodes of a world, in seconds; filled where they are first needed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,9 +170,7 @@ def make_agents(
     )  # fmt: skip
 
 
-def run_experiment(
-    experiment: Experiment, out: Path, *, progress: Progress = lambda *_: None
-) -> list[dict[str, Any]]:
+def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = lambda *_: None) -> Summary:
     """Run what is not yet in ``out`` and return the summary, also written to ``summary.json``.
 
     Args:
@@ -187,42 +188,19 @@ def run_experiment(
     file = out / folder.EPISODES
     rows = read_rows(file, EpisodeRow)
     for world in experiment.worlds:
+        bounds: Bounds = {}
         for planner in experiment.planners:
-            rows = _run_cell(experiment, (world, planner), factories[world], rows, file, progress)
-    summary = [summarise(experiment, w, p, rows) for w in experiment.worlds for p in experiment.planners]
+            cell = _Cell(experiment, world, planner, factories[world], bounds)
+            rows = _run_cell(cell, rows, file, progress)
+    summary = summarise(
+        Results(
+            worlds=experiment.worlds, planners=experiment.planners, preset=experiment.preset,
+            rows=[row for row in rows if row.episode < experiment.episodes],
+            about={"team": experiment.team, "backend": experiment.backend, "seed": experiment.seed},
+        )
+    )  # fmt: skip
     (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
     return summary
-
-
-def summarise(experiment: Experiment, world: str, planner: str, rows: Sequence[EpisodeRow]) -> dict[str, Any]:
-    """Return one summary row of a cell; rates come with 95 % Wilson bounds."""
-    cell = [row for row in rows if (row.world, row.planner) == (world, planner)][: experiment.episodes]
-    successes = sum(row.success for row in cell)
-    low, high = wilson_interval(successes, len(cell))
-    times = [row.time_s for row in cell if row.success]
-    return {
-        "world": world,
-        "planner": planner,
-        "preset": parse_planner(planner).preset or experiment.preset,
-        "team": experiment.team,
-        "backend": experiment.backend,
-        "episodes": len(cell),
-        "seed": experiment.seed,
-        "success": round(successes / len(cell), 4),
-        "success_low": round(low, 4),
-        "success_high": round(high, 4),
-        "first_contact": round(sum(row.first_contact for row in cell) / len(cell), 4),
-        "time_median_s": _median(times, 2),
-        "collision_episodes": sum(row.collided for row in cell),
-        "final_distance_mean_m": round(float(np.mean([row.final_distance_m for row in cell])), 3),
-        "plan_ms_median": _median([row.plan_ms for row in cell], 3),
-    }
-
-
-def _median(values: Sequence[float], digits: int) -> float | None:
-    """Return the median of the numbers there are, None without any."""
-    known = [value for value in values if not math.isnan(value)]
-    return round(float(np.median(known)), digits) if known else None
 
 
 def draw_episode(
@@ -235,57 +213,62 @@ def draw_episode(
     return drawn, spawn_poses(drawn, team.robots, rng)
 
 
-def _run_cell(
-    experiment: Experiment,
-    cell: tuple[str, str],
-    factory: WorldFactory,
-    rows: list[EpisodeRow],
-    file: Path,
-    progress: Progress,
-) -> list[EpisodeRow]:
+@dataclass(frozen=True)
+class _Cell:
+    """One planner in one world."""
+
+    experiment: Experiment
+    world: str
+    planner: str
+    factory: WorldFactory
+    bounds: Bounds
+
+
+def _run_cell(cell: _Cell, rows: list[EpisodeRow], file: Path, progress: Progress) -> list[EpisodeRow]:
     """Run the missing chunks of one world and planner, write after each, and return all rows."""
-    have = {row.episode for row in rows if (row.world, row.planner) == cell}
-    chunk = CHUNK[experiment.backend]
-    for first in range(0, experiment.episodes, chunk):
-        wanted = range(first, min(first + chunk, experiment.episodes))
-        progress(" / ".join(cell), first, experiment.episodes)
+    key, label = (cell.world, cell.planner), f"{cell.world} / {cell.planner}"
+    have = {row.episode for row in rows if (row.world, row.planner) == key}
+    chunk, episodes = CHUNK[cell.experiment.backend], cell.experiment.episodes
+    for first in range(0, episodes, chunk):
+        wanted = range(first, min(first + chunk, episodes))
+        progress(label, first, episodes)
         if set(wanted) <= have:
             continue
-        fresh = _run_chunk(experiment, cell, factory, wanted)
-        rows = [r for r in rows if (r.world, r.planner) != cell or r.episode not in wanted] + fresh
+        fresh = _run_chunk(cell, wanted)
+        rows = [r for r in rows if (r.world, r.planner) != key or r.episode not in wanted] + fresh
         write_rows(file, rows, EpisodeRow)
-    progress(" / ".join(cell), experiment.episodes, experiment.episodes)
+    progress(label, episodes, episodes)
     return rows
 
 
-def _run_chunk(
-    experiment: Experiment, cell: tuple[str, str], factory: WorldFactory, wanted: range
-) -> list[EpisodeRow]:
+def _run_chunk(cell: _Cell, wanted: range) -> list[EpisodeRow]:
     """Run episodes side by side; only those together whose worlds share the bounds that planners are told."""
-    drawn = {episode: draw_episode(experiment, cell[0], factory, episode) for episode in wanted}
+    drawn = {e: draw_episode(cell.experiment, cell.world, cell.factory, e) for e in wanted}
     groups: dict[tuple[float, float, float, float], list[int]] = {}
     for episode, (world, _) in drawn.items():
         groups.setdefault(world.bounds, []).append(episode)
-    rows = [row for group in groups.values() for row in _run_group(experiment, cell, drawn, group)]
+    rows = [row for group in groups.values() for row in _run_group(cell, drawn, group)]
     return sorted(rows, key=lambda row: row.episode)
 
 
 def _run_group(
-    experiment: Experiment,
-    cell: tuple[str, str],
-    drawn: Mapping[int, tuple[World, np.ndarray]],
-    group: Sequence[int],
+    cell: _Cell, drawn: Mapping[int, tuple[World, np.ndarray]], group: Sequence[int]
 ) -> list[EpisodeRow]:
-    name, planner = cell
+    experiment, name = cell.experiment, cell.world
     team = parse_team(experiment.team, skill=experiment.skill)
-    task = hub().tasks.create(experiment.task, team.robots)
+    task: Task = hub().tasks.create(experiment.task, team.robots)
     worlds = [drawn[episode][0] for episode in group]
-    starts = torch.from_numpy(np.stack([drawn[episode][1] for episode in group])).float()
+    starts = np.stack([drawn[episode][1] for episode in group])
     seed = child_seed(experiment.seed, name, group[0])
-    agents = make_agents(experiment, planner, team, task, worlds[0].bounds, seed=seed)
+    agents = make_agents(experiment, cell.planner, team, task, worlds[0].bounds, seed=seed)
     with make_simulator(experiment.backend, team.robots) as simulator:
         episodes = run_episodes(
-            simulator, worlds, starts, agents, task, noise=experiment.noise,
+            simulator, worlds, torch.from_numpy(starts).float(), agents, task, noise=experiment.noise,
             seed=child_seed(experiment.seed, name, group[0], "noise"),
         )  # fmt: skip
-    return to_rows(name, planner, group, episodes)
+    # the same for every planner
+    missing = [i for i, episode in enumerate(group) if episode not in cell.bounds]
+    found = meeting_bounds([worlds[i] for i in missing], starts[missing], team.robots, task)
+    cell.bounds.update(zip([group[i] for i in missing], found.tolist(), strict=True))
+    bounds = np.array([cell.bounds[episode] for episode in group])
+    return to_rows(name, cell.planner, group, episodes, bounds)

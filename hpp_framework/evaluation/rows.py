@@ -6,15 +6,23 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from jaxtyping import Float
 
+from hpp_framework.evaluation.coordination import coordination
 from hpp_framework.evaluation.rollout import Episodes, median_ms
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeRow:
-    """One line of ``episodes.csv``; times are NaN where the event never came."""
+    """One line of ``episodes.csv``; times are NaN where the event never came.
+
+    ``bound_s`` is from :func:`~hpp_framework.evaluation.meeting.meeting_bounds`, ``rpl`` is success times
+    bound over time; ``goal_gap_m``, ``agreement_s``, ``side_flips`` and ``chase`` are from
+    :class:`~hpp_framework.evaluation.coordination.Coordination`.
+    """
 
     world: str
     planner: str
@@ -27,9 +35,17 @@ class EpisodeRow:
     final_distance_m: float
     steps: int
     plan_ms: float
+    bound_s: float
+    rpl: float
+    goal_gap_m: float
+    agreement_s: float
+    side_flips: int
+    chase: float
 
 
-def to_rows(world: str, planner: str, numbers: Sequence[int], episodes: Episodes) -> list[EpisodeRow]:
+def to_rows(
+    world: str, planner: str, numbers: Sequence[int], episodes: Episodes, bounds: Float[np.ndarray, "b"]
+) -> list[EpisodeRow]:
     """Return one row an episode.
 
     Args:
@@ -37,7 +53,9 @@ def to_rows(world: str, planner: str, numbers: Sequence[int], episodes: Episodes
         planner: registered meta-planner.
         numbers: of the episodes, in the order of the batch.
         episodes: what happened in them.
+        bounds: seconds that no team beats, NaN where none is known.
     """
+    together = coordination(episodes)
     last = episodes.last_step()
     final = episodes.spread()[torch.arange(len(last)), last]
     plan_ms = median_ms(episodes.plan_seconds)
@@ -53,6 +71,17 @@ def to_rows(world: str, planner: str, numbers: Sequence[int], episodes: Episodes
             first_contact=int(contact[i] >= 0), first_contact_s=seconds(contact[i]),
             collided=int(episodes.collided[i]), final_distance_m=round(float(final[i]), 4),
             steps=int(last[i]), plan_ms=round(plan_ms, 4),
+            bound_s=round(float(bounds[i]), 3), rpl=round(_rpl(seconds(done[i]), float(bounds[i])), 4),
+            goal_gap_m=round(float(together.goal_gap[i]), 4),
+            agreement_s=round(float(together.agreement[i]), 3),
+            side_flips=int(together.side_flips[i]), chase=round(float(together.chase[i]), 4),
         )
         for i, number in enumerate(numbers)
     ]  # fmt: skip
+
+
+def _rpl(time: float, bound: float) -> float:
+    """Return success weighted by bound over time (like SPL, Anderson et al. 2018), NaN without a bound."""
+    if math.isnan(time):
+        return 0.0
+    return math.nan if math.isnan(bound) else bound / max(time, bound)

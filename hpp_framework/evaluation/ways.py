@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from hpp_framework.worlds.geodesic import shortest_ways
 from hpp_framework.worlds.occupancy import FreeSpace
@@ -72,7 +72,7 @@ def journey_ways(
     straight = np.linalg.norm(goals - starts, axis=1)
     shortest, least = straight.copy(), straight - goal_radius
     journeys = zip(spaces, starts, goals, strict=True)
-    around = np.flatnonzero(np.array([not _open(space, radius, *ends) for space, *ends in journeys]))
+    around = np.flatnonzero(np.array([not is_open(space, radius, *ends) for space, *ends in journeys]))
     if len(around):
         found = _to_goals([spaces[i] for i in around.tolist()], radius, starts[around], goals[around])
         shortest[around] = _longer(straight[around], found)
@@ -92,8 +92,10 @@ def _longer(length: Array, other: Array) -> Array:
     return np.maximum(length, np.where(np.isfinite(other), other, 0))
 
 
-def _open(space: FreeSpace, radius: float, start: Array, goal: Array) -> bool:
-    """Return whether a disc certainly fits everywhere on the straight line."""
+def is_open(
+    space: FreeSpace, radius: float, start: Float[np.ndarray, "2"], goal: Float[np.ndarray, "2"]
+) -> bool:
+    """Return whether a disc certainly fits everywhere on the straight line from start to goal."""
     count = int(np.ceil(np.linalg.norm(goal - start) / (space.resolution / 2))) + 1
     return bool((space.at(np.linspace(start, goal, count)) > radius).all())
 
@@ -156,6 +158,17 @@ def _around(space: FreeSpace, start: Array, goal: Array, length: float) -> FreeS
     rows, columns = space.distance.shape
     low = np.floor((middle - half) / space.resolution).astype(int).clip(0)
     high = np.ceil((middle + half) / space.resolution).astype(int).clip(max=(columns, rows))
+    return cut(space, low, high)
+
+
+def cut(space: FreeSpace, low: Int[np.ndarray, "2"], high: Int[np.ndarray, "2"]) -> FreeSpace:
+    """Return a part of a free space.
+
+    Args:
+        space: the whole.
+        low: first column and row of the part.
+        high: column and row behind its last.
+    """
     corner = np.array(space.origin) + low * space.resolution
     return FreeSpace(
         distance=space.distance[low[1] : high[1], low[0] : high[0]],

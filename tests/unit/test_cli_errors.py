@@ -11,7 +11,8 @@ import pytest
 from rich.console import Console
 
 from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
-from hpp_framework.cli.evaluate import Evaluate, summary_table
+from hpp_framework.cli.evaluate import Evaluate
+from hpp_framework.cli.evaluate_tables import blame_table, comparison_table, summary_table
 from hpp_framework.cli.main import main
 from hpp_framework.cli.run import Run
 from hpp_framework.registry import hub
@@ -140,11 +141,21 @@ def test_messages_are_not_markup(capsys):
     console = Console(width=200)
     row = {
         "world": "[red]room[/].yaml", "planner": "[bold]p", "success": 0.5, "success_low": 0.1,
-        "success_high": 0.9, "first_contact": 0.5, "time_median_s": None, "collision_episodes": 0,
-        "episodes": 1, "final_distance_mean_m": 1.0, "plan_ms_median": 1.0,
+        "success_high": 0.9, "first_contact": 0.5, "time_median_s": None, "time_over_bound_median": None,
+        "rpl": 0.0, "price_median": None, "collision_episodes": 0, "episodes": 1,
+        "final_distance_mean_m": 1.0, "plan_ms_median": 1.0,
     }  # fmt: skip
     console.print(summary_table([row]))
     shown = capsys.readouterr().out
+    versus = {
+        **row, "against": "[b]q", "success_difference": [0.1, -0.1, 0.3], "improvement": [0.6, 0.5, 0.7],
+        "time_ratio_median": None,
+    }  # fmt: skip
+    console.print(comparison_table([versus]))
+    assert "[b]q" in capsys.readouterr().out
+    lost = dict.fromkeys(("silence", "predictor", "skill"), [0.1, 0.0, 0.2])
+    console.print(blame_table([{**row, **lost}]))
+    assert "[red]room[/].yaml" in capsys.readouterr().out
     assert "[red]room[/].yaml" in shown
     assert "[bold]p" in shown
 

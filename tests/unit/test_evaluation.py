@@ -23,8 +23,9 @@ SMALL = Experiment(
 
 COLUMNS = {
     "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low",
-    "success_high", "first_contact",
-    "time_median_s", "collision_episodes", "final_distance_mean_m", "plan_ms_median",
+    "success_high", "first_contact", "time_median_s", "bound_median_s", "time_over_bound_median", "rpl",
+    "price_median", "collision_episodes", "final_distance_mean_m", "goal_gap_median_m", "agreed",
+    "agreement_median_s", "side_flips_mean", "chase_mean", "plan_ms_median",
 }  # fmt: skip
 
 
@@ -44,7 +45,9 @@ def test_wilson_without_trials_knows_nothing():
 
 def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
     summary = run_experiment(SMALL, tmp_path / "a")
-    assert [set(row) for row in summary] == [COLUMNS] * 4
+    assert [set(row) for row in summary["cells"]] == [COLUMNS] * 4
+    assert [row["world"] for row in summary["comparisons"]] == ["simple", "wall", "all"]
+    assert summary["blame"] == []
     rows = list(csv.DictReader((tmp_path / "a" / "episodes.csv").open()))
     assert len(rows) == 12
     # cut off after one cell
@@ -55,10 +58,15 @@ def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
         writer.writeheader()
         writer.writerows(rows[:3])
     again = run_experiment(SMALL, tmp_path / "b")
-    timing = {"plan_ms_median"}
-    assert [{k: v for k, v in row.items() if k not in timing} for row in again] == [
-        {k: v for k, v in row.items() if k not in timing} for row in summary
-    ]
+    for cell in (*again["cells"], *summary["cells"]):
+        assert cell.pop("plan_ms_median") is not None
+    assert again == summary
+    rows = list(csv.DictReader((tmp_path / "b" / "episodes.csv").open()))
+    assert all(float(row["bound_s"]) <= float(row["time_s"]) for row in rows if row["success"] == "1")
+
+
+def test_the_summary_is_written(tmp_path):
+    again = run_experiment(SMALL, tmp_path / "b")
     assert json.loads((tmp_path / "b" / "summary.json").read_text()) == again
 
 

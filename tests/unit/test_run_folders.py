@@ -130,7 +130,7 @@ def test_folders_of_older_versions_resume(tmp_path):
     run_experiment(TINY, tmp_path)
     file = tmp_path / "config.json"
     config = json.loads(file.read_text())
-    for name in ("command", "world_files", "versions", "planner_configs"):
+    for name in ("command", "world_files", "versions", "planner_configs", "settings"):
         del config[name]
     file.write_text(json.dumps(config))
     run_experiment(TINY, tmp_path)
@@ -204,7 +204,7 @@ def test_planners_are_told_the_bounds_of_their_own_world(tmp_path, register):
     register("worlds", "test-apart", apart)
     register("planners", "test-centre", Centre)
     experiment = Experiment(worlds=("test-apart",), planners=("test-centre",), episodes=4, seed=2)
-    (summary,) = run_experiment(experiment, tmp_path)
+    (summary,) = run_experiment(experiment, tmp_path)["cells"]
     rows = outcome(tmp_path)
     assert [row["episode"] for row in rows] == ["0", "1", "2", "3"]
     assert summary["first_contact"] == 1.0

@@ -1,0 +1,227 @@
+"""The least time in which a team can be at a rendezvous, wherever that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import torch
+from jaxtyping import Float, Int
+
+from hpp_framework.evaluation.reach import PERIODS, Reach
+from hpp_framework.evaluation.ways import ALLOWANCE, DOUBT, cut, is_open
+from hpp_framework.robot import RobotSpec
+from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.task import Task
+from hpp_framework.worlds.geodesic import shortest_ways
+from hpp_framework.worlds.occupancy import RESOLUTION, free_space
+from hpp_framework.worlds.world import World
+
+Array = npt.NDArray[np.float64]
+
+HALF_CELL = RESOLUTION / math.sqrt(2)
+"""Metres from the centre of a cell to its farthest point."""
+SLACK = HALF_CELL + 1e-3
+"""Metres by which robots may be further from a cell's centre than from the true meeting place in it."""
+FIRST_TRY = 3
+"""Control periods beyond the least time in the open that are looked ahead first."""
+GROWTH = 1.3
+"""By which factor more are looked ahead next."""
+UNREACHED = 1e6
+
+
+def meeting_bounds(
+    worlds: Sequence[World], starts: Float[np.ndarray, "b n 3"], robots: Sequence[RobotSpec], task: Task
+) -> Float[np.ndarray, "b"]:
+    r"""Return times in seconds that no team beats, from rest at the start to success.
+
+    Success means that for ``task.sustain_steps`` control steps everybody is within ``task.radius`` of the
+    team's centre. So there is a place ``c`` that every robot ``i`` has come within the radius ``d`` of, and
+
+    .. math:: T \ge \min_c \max_i t_i(c) + (\text{sustain\_steps} - 1) \cdot 0.2\,\text{s},
+
+    where ``t_i(c)`` is the least time, in whole control periods, in which robot ``i`` gets there: the longer
+    of the time for the shortest way around the obstacles, inflated by its footprint, and of the time for the
+    straight distance with the turn that must come first; see :class:`~hpp_framework.evaluation.reach.Reach`.
+
+    Speeds at the end are left free, although success needs a relative speed below 0.1 m/s: robots may meet
+    side by side on the same course, and whoever touches something stops at once.
+
+    Args:
+        worlds: one an episode.
+        starts: start poses, at rest.
+        robots: the team.
+        task: its radius is what counts.
+
+    Returns:
+        NaN if the task has no radius; infinity where the robots cannot meet within a minute.
+    """
+    if task.radius is None:
+        return np.full(len(worlds), np.nan)
+    reaches = [Reach(robot.drive) for robot in robots]
+    steps = [
+        _Meeting(world, poses, robots, reaches, task.radius).first_step()
+        for world, poses in zip(worlds, starts.astype(np.float64), strict=True)
+    ]
+    return (np.array(steps, np.float64) + task.sustain_steps - 1) * CONTROL_PERIOD
+
+
+@dataclass(frozen=True)
+class _Places:
+    """A part of the grid: cells that may be where the team meets.
+
+    Attributes:
+        low: first column and row.
+        shape: rows and columns.
+        xy: (p, 2) their centres in metres, row by row.
+    """
+
+    low: tuple[int, int]
+    shape: tuple[int, int]
+    xy: Array
+
+
+class _Meeting:
+    """The search of one episode."""
+
+    def __init__(
+        self,
+        world: World,
+        poses: Float[np.ndarray, "n 3"],
+        robots: Sequence[RobotSpec],
+        reaches: Sequence[Reach],
+        radius: float,
+    ) -> None:
+        self.poses, self.robots, self.reaches = poses, robots, reaches
+        self.radius = radius + SLACK
+        self.spaces = [free_space(world, body_height=robot.height) for robot in robots]
+        self.rooms = self._rooms()
+
+    def first_step(self) -> float:
+        """Return the first control step at which the team can have met, infinity if it never can."""
+        limit = self._in_the_open() + FIRST_TRY
+        while limit <= PERIODS:
+            places = self._places(limit)
+            if len(places.xy):
+                found = self._earliest(places, limit)
+                if found <= limit:
+                    return max(found, 1)
+            limit = math.ceil(limit * GROWTH)
+        return math.inf
+
+    def _in_the_open(self) -> int:
+        """Return the first step at which no two robots are too far apart to meet, were there nothing else."""
+        xy = self.poses[:, :2]
+        apart = np.linalg.norm(xy[:, None] - xy, axis=-1) - 2 * self.radius
+        for step in range(PERIODS):
+            driven = np.array([reach.distance(step) for reach in self.reaches])
+            if (apart <= driven[:, None] + driven + 1e-9).all():
+                return step
+        return PERIODS
+
+    def _places(self, limit: int) -> _Places:
+        """Return the cells that nobody is too far from to be near in time, whatever the way."""
+        space = self.spaces[0]
+        far = np.array([reach.distance(limit) for reach in self.reaches])[:, None] + self.radius
+        cells = (self.poses[:, :2] - np.array(space.origin)) / space.resolution
+        rows, columns = space.distance.shape
+        low = np.floor((cells - far / space.resolution).max(0)).astype(int).clip(0)
+        high = np.ceil((cells + far / space.resolution).min(0)).astype(int).clip(max=(columns, rows))
+        x, y = (np.arange(a, b) + 0.5 for a, b in zip(low.tolist(), high.tolist(), strict=True))
+        grid = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+        corner = (int(low[0]), int(low[1]))
+        return _Places(corner, (len(y), len(x)), grid * space.resolution + np.array(space.origin))
+
+    def _earliest(self, places: _Places, limit: int) -> int:
+        """Return the first step at which the team can have met at one of the places; limit + 1 if later."""
+        straight = np.stack([self._straight(i, places, limit) for i in range(len(self.robots))]).max(0)
+        best = int(straight.argmin())
+        if straight[best] > limit or self._in_sight(places.xy[best]):
+            return int(straight[best])
+        around = np.stack([self._around(i, places, limit) for i in range(len(self.robots))]).max(0)
+        return int(np.maximum(straight, around).min())
+
+    def _straight(self, robot: int, places: _Places, limit: int) -> Int[np.ndarray, "p"]:
+        """Return the steps that turning and the straight distance take."""
+        offset = places.xy - self.poses[robot, :2]
+        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
+        bearing = np.arctan2(offset[:, 1], offset[:, 0]) - self.poses[robot, 2]
+        deviation = np.abs((bearing + np.pi) % (2 * np.pi) - np.pi)
+        width = np.arcsin(np.minimum(self.radius / distance, 1))
+        width = np.where(distance <= self.radius, np.pi, width)
+        return self.reaches[robot].approaching(
+            distance - self.radius, np.maximum(deviation - width, 0), self.rooms[robot], limit
+        )
+
+    def _around(self, robot: int, places: _Places, limit: int) -> Int[np.ndarray, "p"]:
+        """Return the steps that the shortest way to within the radius of each place takes."""
+        space, step = self.spaces[robot], self.spaces[robot].resolution
+        start = self.poses[robot, :2]
+        # what cannot be driven to in time need not be looked at; the way may come out too long
+        metres, share = ALLOWANCE
+        far = self.reaches[robot].distance(limit) + metres + step
+        cell = (start - np.array(space.origin)) / step
+        rows, columns = space.distance.shape
+        low = np.floor(cell - far / step).astype(int).clip(0)
+        high = np.ceil(cell + far / step).astype(int).clip(max=(columns, rows))
+        part = cut(space, low, high)
+        # one of the cells in doubt is taken off there
+        radius = self.robots[robot].footprint_radius - (DOUBT - 1) * step
+        goal = torch.from_numpy(start[None]).float()
+        lengths = shortest_ways([part], radius, goal, torch.zeros(1, dtype=torch.long)).values
+        field = np.minimum(lengths.numpy().reshape(part.distance.shape), UNREACHED)
+        nearest = _nearest(field, low - np.array(places.low), places.shape, (self.radius + HALF_CELL) / step)
+        return self.reaches[robot].driving(nearest * (1 - share) - metres, limit)
+
+    def _in_sight(self, place: Float[np.ndarray, "2"]) -> bool:
+        """Return whether everybody certainly can drive straight to within the radius of a place."""
+        for robot, space, pose in zip(self.robots, self.spaces, self.poses, strict=True):
+            offset = place - pose[:2]
+            distance = float(np.linalg.norm(offset))
+            stop = pose[:2] + offset * max(0.0, 1 - self.radius / max(distance, 1e-9))
+            if not is_open(space, robot.footprint_radius, pose[:2], stop):
+                return False
+        return True
+
+    def _rooms(self) -> list[float]:
+        """Return the metres that each robot can drive before it can touch anything."""
+        rooms: list[float] = []
+        for i, (robot, space) in enumerate(zip(self.robots, self.spaces, strict=True)):
+            gap = float(space.at(self.poses[i, None, :2])[0]) - robot.footprint_radius - space.resolution
+            for j, other in enumerate(self.robots):
+                apart = float(np.linalg.norm(self.poses[i, :2] - self.poses[j, :2]))
+                if i != j:
+                    gap = min(gap, (apart - robot.footprint_radius - other.footprint_radius) / 2)
+            rooms.append(max(gap, 0.0))
+        return rooms
+
+
+def _nearest(
+    field: Float[np.ndarray, "r c"],
+    offset: Int[np.ndarray, "2"],
+    shape: tuple[int, int],
+    radius: float,
+) -> Float[np.ndarray, "p"]:
+    """Return the least value of a field within a radius of each cell of another part of its grid.
+
+    Args:
+        field: values by cell.
+        offset: column and row of its first cell, seen from the other part.
+        shape: rows and columns of the other part.
+        radius: in cells.
+    """
+    reach = math.ceil(radius)
+    wide = np.full((shape[0] + 2 * reach, shape[1] + 2 * reach), UNREACHED, np.float32)
+    first = offset[::-1] + reach
+    begin, end = np.maximum(first, 0), np.minimum(first + field.shape, wide.shape)
+    if (end > begin).all():
+        source = field[begin[0] - first[0] : end[0] - first[0], begin[1] - first[1] : end[1] - first[1]]
+        wide[begin[0] : end[0], begin[1] : end[1]] = source
+    axis = np.arange(-reach, reach + 1)
+    disc = (np.hypot(axis[:, None], axis) <= radius).astype(np.uint8)
+    least = cv2.erode(wide, disc)[reach : reach + shape[0], reach : reach + shape[1]]
+    return least.astype(np.float64).ravel()

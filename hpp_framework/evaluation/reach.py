@@ -1,0 +1,90 @@
+"""How far a robot can get from rest, at most, in so many control periods."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from jaxtyping import Float, Int
+
+from hpp_framework.robot import DriveLimits
+from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS
+
+Array = npt.NDArray[np.float64]
+
+PERIODS = 300
+"""Control periods that are looked ahead (60 s)."""
+ANGLES = 181
+"""Deviations from straight ahead to straight behind that are told apart."""
+
+
+class Reach:
+    r"""Distances that no drive from rest beats.
+
+    A robot at distance :math:`\rho` of a point, which it sees at a bearing :math:`\alpha`, obeys
+    :math:`\rho' = -v \cos\alpha` and :math:`\alpha' = -\omega + v \sin\alpha / \rho` (Aicardi et al. 1995).
+    For :math:`v \ge 0` driving only turns the point further away, so that :math:`|\alpha(t)| \ge |\alpha_0| -
+    \Omega(t)`, where :math:`\Omega(t)` is the angle that turning at full acceleration and top rate covers,
+    and the robot comes nearer by no more than
+
+    .. math:: \int_0^T \min(a t, v_{top}) \max(0, \cos\max(0, |\alpha_0| - \Omega(t))) \, dt.
+
+    Args:
+        drive: limits of the robot.
+    """
+
+    def __init__(self, drive: DriveLimits) -> None:
+        self.drive = drive
+        self.top = max(drive.speed[1], -drive.speed[0])
+        count = PERIODS * SUBSTEPS
+        times = np.arange(count + 1) * (CONTROL_PERIOD / SUBSTEPS)
+        risen = np.minimum(times, self.top / drive.acceleration)
+        self._driven = drive.acceleration * risen**2 / 2 + self.top * (times - risen)
+        turning = np.minimum(times, drive.turn_rate / drive.turn_acceleration)
+        turned = drive.turn_acceleration * turning**2 / 2 + drive.turn_rate * (times - turning)
+        deviation = np.linspace(0, math.pi, ANGLES)[:, None]
+        # a robot that backs up need not turn
+        forward = drive.speed[0] >= 0
+        left = np.maximum(deviation - turned[1:], 0) if forward else np.zeros((ANGLES, count))
+        share = np.maximum(np.cos(left), 0)
+        nearer = np.cumsum(np.diff(self._driven) * share, axis=1)
+        self._nearer = np.concatenate([np.zeros((ANGLES, 1)), nearer], axis=1)
+
+    def distance(self, steps: int) -> float:
+        """Return the metres that can be driven in so many control periods."""
+        return float(self._driven[min(steps, PERIODS) * SUBSTEPS])
+
+    def driving(self, lengths: Float[np.ndarray, "p"], limit: int) -> Int[np.ndarray, "p"]:
+        """Return the control periods that ways of these lengths take at least; limit + 1 where more.
+
+        Args:
+            lengths: in metres.
+            limit: periods that are looked ahead.
+        """
+        return np.searchsorted(self._driven[: limit * SUBSTEPS + 1 : SUBSTEPS], lengths, side="left")
+
+    def approaching(
+        self,
+        distances: Float[np.ndarray, "p"],
+        deviations: Float[np.ndarray, "p"],
+        room: float,
+        limit: int,
+    ) -> Int[np.ndarray, "p"]:
+        """Return the control periods that coming nearer by a distance takes at least; limit + 1 where more.
+
+        Args:
+            distances: in metres.
+            deviations: absolute bearing at the start, radians.
+            room: metres that can be driven before anything can be touched; from then on nothing is said of
+                turning, as a robot may be pushed and slide.
+            limit: periods that are looked ahead.
+        """
+        count = limit * SUBSTEPS + 1
+        driven = self._driven[:count]
+        untouched = int(np.searchsorted(driven, room, side="right")) - 1
+        nearer = self._nearer[:, :count].copy()
+        nearer[:, untouched:] = nearer[:, [untouched]] + driven[untouched:] - driven[untouched]
+        row = np.floor(deviations * ((ANGLES - 1) / math.pi) - 1e-9).astype(int).clip(0, ANGLES - 1)
+        by_period = nearer[:, ::SUBSTEPS]
+        return (by_period[row] < distances[:, None]).sum(1)

@@ -1,0 +1,149 @@
+"""The least time to a rendezvous: nobody beats it, and it is not far from what can be done."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from hpp_framework.evaluation.meeting import meeting_bounds
+from hpp_framework.evaluation.reach import Reach
+from hpp_framework.evaluation.rollout import build_agents, run_episodes
+from hpp_framework.registry import hub
+from hpp_framework.robot import DriveLimits
+from hpp_framework.seeding import numpy_rng
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.task import Task
+from hpp_framework.team import parse_team
+from hpp_framework.worlds.generators import training
+from hpp_framework.worlds.loader import resolve_world
+from hpp_framework.worlds.spawn import spawn_poses
+from hpp_framework.worlds.world import Box, World
+
+PERIOD = 0.2
+
+
+@pytest.fixture(scope="module")
+def team():
+    return parse_team("fetch,freight")
+
+
+@pytest.fixture(scope="module")
+def task(team):
+    return hub().tasks.create("rendezvous", team.robots)
+
+
+def room(*boxes: Box) -> World:
+    return World(name="room", bounds=(-4, -4, 4, 4), boxes=boxes)
+
+
+def bound(team, task, world, poses):
+    return float(meeting_bounds([world], np.array([poses], np.float64), team.robots, task)[0])
+
+
+def test_facing_each_other_in_the_open_it_is_the_least_time_of_a_straight_drive(team, task):
+    """Both accelerate at 0.4 m/s^2 to 1 m/s on half of what separates them from a rendezvous."""
+    found = bound(team, task, room(), [[-2.5, 0, 0], [2.5, 0, math.pi]])
+    gap = (5 - 2 * task.radius) / 2
+    rising = 1 / 0.4
+    least = math.ceil((rising + (gap - rising / 2)) / PERIOD) * PERIOD + 4 * PERIOD
+    assert least - PERIOD <= found + 1e-6 <= least + 2e-6
+
+
+def test_turning_first_takes_longer(team, task):
+    ahead = bound(team, task, room(), [[-2.5, 0, 0], [2.5, 0, math.pi]])
+    beside = bound(team, task, room(), [[-2.5, 0, math.pi / 2], [2.5, 0, math.pi / 2]])
+    behind = bound(team, task, room(), [[-2.5, 0, math.pi], [2.5, 0, 0]])
+    assert ahead <= beside < behind
+
+
+def test_a_long_thick_wall_takes_longer_than_none(team, task):
+    poses = [[-2.5, 0, 0], [2.5, 0, math.pi]]
+    free = bound(team, task, room(), poses)
+    thin = bound(team, task, room(Box(center=(0, 0), size=(0.1, 5))), poses)
+    thick = bound(team, task, room(Box(center=(0, 0), size=(2.0, 5))), poses)
+    # across a thin wall robots are near enough
+    assert free <= thin < thick
+
+
+def test_robots_that_cannot_meet_never_do(team, task):
+    assert math.isinf(
+        bound(team, task, room(Box(center=(0, 0), size=(2.0, 8.0))), [[-3, 0, 0], [3, 0, math.pi]])
+    )
+
+
+def test_a_task_without_a_radius_has_no_bound(team):
+    class Elsewhere(Task):
+        def reward(self, poses):
+            raise AssertionError
+
+        met = done = reward
+
+    found = meeting_bounds([room()], np.zeros((1, 2, 3)), team.robots, Elsewhere())
+    assert np.isnan(found).all()
+
+
+def test_who_has_met_already_needs_to_stay(team, task):
+    found = bound(team, task, room(), [[-0.4, 0, 0], [0.4, 0, 0]])
+    assert found == pytest.approx(5 * PERIOD)
+
+
+@pytest.mark.parametrize("robots", ["fetch,freight", "fetch-real,freight-real", "fetch,freight,fetch"])
+def test_no_random_drive_towards_each_other_beats_the_bound(robots):
+    """Brute force: many teams that turn and race, each after its own fashion, in rooms full of furniture."""
+    team = parse_team(robots, skill="pure-pursuit")
+    task = hub().tasks.create("rendezvous", team.robots)
+    rng = numpy_rng(999, "bound")
+    worlds = [training(rng) for _ in range(4)]
+    starts = np.stack([spawn_poses(world, team.robots, rng) for world in worlds])
+    bounds = meeting_bounds(worlds, starts, team.robots, task)
+    tries = 200
+    simulator = BatchSimulator(team.robots, threads=1)
+    many = [world for world in worlds for _ in range(tries)]
+    state = simulator.reset(many, torch.from_numpy(np.repeat(starts, tries, 0)).float())
+    draw = torch.Generator().manual_seed(0)
+    middle = state.poses[..., :2].mean(1, keepdim=True)
+    goals = middle + torch.randn(len(many), 1, 2, generator=draw)
+    gain = 1 + 20 * torch.rand(len(many), 1, generator=draw)
+    since = torch.zeros(len(many), dtype=torch.int64)
+    done = torch.full((len(many),), math.inf)
+    for step in range(1, 60):
+        offset = goals - state.poses[..., :2]
+        error = torch.atan2(offset[..., 1], offset[..., 0]) - state.poses[..., 2]
+        error = torch.remainder(error + math.pi, 2 * math.pi) - math.pi
+        fast = torch.where(error.abs() < 1.2, 2.0, 0.0) * (~task.met(state.poses))[:, None]
+        state = simulator.step(torch.stack([fast, gain * error], -1))
+        since = torch.where(task.done(state.poses, state.velocities), since + 1, 0)
+        done = torch.where((since >= task.sustain_steps) & done.isinf(), step * PERIOD, done)
+    best = done.reshape(len(worlds), tries).amin(1).double().numpy()
+    assert np.isfinite(best).any()
+    assert (bounds <= best + 1e-6).all()
+
+
+def test_the_bound_is_of_use(team, task):
+    """In the open, the perfect goal is reached in less than twice the bound."""
+    rng = numpy_rng(999, "useful")
+    world = resolve_world("simple")(rng)
+    starts = np.stack([spawn_poses(world, team.robots, rng) for _ in range(8)])
+    bounds = meeting_bounds([world] * 8, starts, team.robots, task)
+    agents = build_agents(team, "centralized-mp", task)
+    episodes = run_episodes(
+        BatchSimulator(team.robots), [world] * 8, torch.from_numpy(starts).float(), agents, task
+    )
+    times = episodes.done_step.numpy() * PERIOD
+    assert (times >= bounds - 1e-6).all()
+    assert np.median(times / bounds) < 2
+
+
+def test_a_robot_that_backs_up_need_not_turn():
+    limits = {"turn_rate": 3.0, "acceleration": 0.4, "turn_acceleration": 1.5}
+    forward = Reach(DriveLimits(speed=(0.0, 1.0), **limits))
+    both = Reach(DriveLimits(speed=(-1.0, 1.0), **limits))
+    distance, behind = np.array([1.0]), np.array([math.pi])
+    straight = forward.driving(distance, 50)
+    assert both.approaching(distance, behind, 9.0, 50) == straight
+    assert forward.approaching(distance, behind, 9.0, 50) > straight
+    # pushed at once, it may slide
+    assert forward.approaching(distance, behind, 0.0, 50) == straight
