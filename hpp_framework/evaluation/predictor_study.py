@@ -33,6 +33,7 @@ from hpp_framework.predictor import Predictor, PredictorRequest
 from hpp_framework.registry import hub
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.team import Team, parse_team
+from hpp_framework.worlds.loader import resolve_world
 
 BASELINES = ("constant-velocity", "empty-world")
 ERRORS, CALIBRATION = "errors.csv", "calibration.csv"
@@ -109,6 +110,8 @@ def run_study(
             holds something else or cannot be written.
     """
     team = parse_team(study.team, skill=study.skill)
+    for world in study.worlds:
+        resolve_world(world)
     models = _models(study, team)
     folder.open_evaluation(out, folder.record(folder.EVALUATE, asdict(study), {}))
     cells: Cells = {}
