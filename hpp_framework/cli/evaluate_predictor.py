@@ -22,8 +22,8 @@ class EvaluatePredictor:
     """Drive a team to common goals in fresh worlds, and ask predictors on the way where everybody will be.
 
     The models constant-velocity and empty-world, which have learnt nothing, are always asked too. Writes
-    errors.csv (a row a predictor, world, robots and horizon), calibration.csv, summary.json, config.json
-    and pictures into --out.
+    report.md with its pictures, errors.csv (a row a predictor, world, robots and horizon), calibration.csv,
+    summary.json and config.json into --out.
     """
 
     name: Annotated[str, tyro.conf.Positional] = "delta-pose-lidar"
@@ -52,9 +52,8 @@ class EvaluatePredictor:
     def run(self) -> None:
         """Ask, and print the errors."""
         from hpp_framework.evaluation.predictor_study import (
-            CALIBRATION,
             ERRORS,
-            PICTURES,
+            REPORT,
             PredictorStudy,
             run_study,
         )
@@ -77,11 +76,7 @@ class EvaluatePredictor:
         console.print(error_table(summary))
         if any("calibration" in row for row in summary):
             console.print(calibration_table(summary))
-        for title, file in (("errors", ERRORS), ("calibration", CALIBRATION)):
-            print(f"{title + ':':12} {self.out / file}")
-        for picture in PICTURES:
-            if (self.out / picture).exists():
-                print(f"{'picture:':12} {self.out / picture}")
+        print(f"errors: {self.out / ERRORS}\nreport: {self.out / REPORT}")
 
 
 def error_table(summary: list[dict[str, Any]]) -> Table:

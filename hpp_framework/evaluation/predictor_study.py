@@ -16,6 +16,7 @@ from hpp_framework.evaluation.predictor_figures import (
     plot_losses,
     plot_worlds,
 )
+from hpp_framework.evaluation.predictor_report import report
 from hpp_framework.evaluation.predictor_score import (
     ALL,
     ALL_WORLDS,
@@ -37,7 +38,8 @@ from hpp_framework.worlds.loader import resolve_world
 
 BASELINES = ("constant-velocity", "empty-world")
 ERRORS, CALIBRATION = "errors.csv", "calibration.csv"
-PICTURES = ("horizons.png", "worlds.png", "calibration.png", "losses.png")
+REPORT = "report.md"
+HORIZONS, WORLDS, CALIBRATION_PICTURE, LOSSES = "horizons.png", "worlds.png", "calibration.png", "losses.png"
 ROLES = ("self", "other")
 TABLE_SECONDS = (1.0, 2.0, 5.0, 10.0)
 """Horizons that ``summary.json`` and the printed table show."""
@@ -122,21 +124,31 @@ def run_study(
     write_rows(out / CALIBRATION, calibration, CalibrationRow)
     summary = _summary(study, errors, calibration)
     _write(out / folder.SUMMARY, json.dumps(summary, indent=2) + "\n")
-    title = f"{study.team}, {study.trajectories} trajectories a world, seed {study.seed}"
-    plot_horizons(out / PICTURES[0], errors, title=title)
-    plot_worlds(out / PICTURES[1], errors, title=title)
-    if calibration:
-        plot_calibration(out / PICTURES[2], dict(_pooled(study, cells)), title=title)
-    cards = {
-        name: {
-            model: card
-            for agent in range(len(team))
-            for model, card in find_cards(name, study.request(team, agent)).items()
-        }
-        for name in study.predictors
-    }
-    plot_losses(out / PICTURES[3], {name: found for name, found in cards.items() if found})
+    _write(out / REPORT, report(summary, _draw(study, team, out, errors, cells)))
     return summary
+
+
+def _draw(study: PredictorStudy, team: Team, out: Path, errors: list[ErrorRow], cells: Cells) -> list[str]:
+    """Draw what there is to draw; returns the pictures' names."""
+    title = f"{study.team}, {study.trajectories} trajectories a world, seed {study.seed}"
+    plot_horizons(out / HORIZONS, errors, title=title)
+    plot_worlds(out / WORLDS, errors, title=title)
+    drawn = [HORIZONS, WORLDS]
+    if any(found.std is not None for found in cells.values()):
+        plot_calibration(out / CALIBRATION_PICTURE, dict(_pooled(study, cells)), title=title)
+        drawn.append(CALIBRATION_PICTURE)
+    cards = {name: _cards(study, team, name) for name in study.predictors}
+    if plot_losses(out / LOSSES, {name: found for name, found in cards.items() if found}):
+        drawn.append(LOSSES)
+    return drawn
+
+
+def _cards(study: PredictorStudy, team: Team, name: str) -> dict[str, dict[str, Any]]:
+    """Return the cards of all models of a team, by file name."""
+    found: dict[str, dict[str, Any]] = {}
+    for agent in range(len(team)):
+        found |= find_cards(name, study.request(team, agent))
+    return found
 
 
 def _models(study: PredictorStudy, team: Team) -> dict[str, list[Predictor]]:

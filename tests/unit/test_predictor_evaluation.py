@@ -22,7 +22,7 @@ from hpp_framework.evaluation.predictor_score import (
     error_rows,
     pool,
 )
-from hpp_framework.evaluation.predictor_study import BASELINES, PICTURES
+from hpp_framework.evaluation.predictor_study import BASELINES, CALIBRATION_PICTURE
 from hpp_framework.evaluation.predictor_trials import MOMENTS, Misses, draw_questions, misses
 from hpp_framework.evaluation.table import read_rows
 from hpp_framework.predictor import Predictor
@@ -189,6 +189,9 @@ def test_the_command_writes_tables_and_pictures(tmp_path, capsys):
     assert len(summary) == len(BASELINES) * 3 * 2
     assert [each["seconds"] for each in summary[0]["errors"]] == [1.0, 2.0]
     assert sorted(p.name for p in tmp_path.glob("*.png")) == ["horizons.png", "worlds.png"]
+    text = (tmp_path / "report.md").read_text()
+    assert "![horizons](horizons.png)" in text
+    assert "| self | `empty-world` |" in text
     before = (tmp_path / "errors.csv").read_bytes()
     main([*COMMAND.split(), "--worlds", "simple,wall", "--out", str(tmp_path)])
     assert (tmp_path / "errors.csv").read_bytes() == before
@@ -206,7 +209,7 @@ def test_a_predictor_that_knows_its_deviation_gets_a_calibration(tmp_path, regis
     assert "share of true positions" in capsys.readouterr().out
     rows = read_rows(tmp_path / "calibration.csv", CalibrationRow)
     assert {row.predictor for row in rows} == {"unsure"}
-    assert (tmp_path / PICTURES[2]).stat().st_size > 10_000
+    assert (tmp_path / CALIBRATION_PICTURE).stat().st_size > 10_000
 
 
 def test_one_robot_alone_predicts_itself(tmp_path):
