@@ -1,10 +1,9 @@
 """Planning on a shared lattice: all robots weigh the *same* goals, look far ahead, and learn from motion.
 
 A lattice anchored in the world frame is a convention, like driving on the right: it needs no communication,
-and it turns "nearly the same goal" into "the same goal". What robots do is evidence of what they want: goals
-that explain how everybody (oneself included) has moved since the last plan gain weight. Everybody sees
-everybody move, so the evidence is nearly the same for all, and the team drifts towards one goal instead of
-each robot waiting for the others to come to it.
+and it turns "nearly the same goal" into "the same goal". What the others do is evidence of what they want
+(:mod:`hpp_framework.planning.inference`), and one's own goal is the best response to what they probably want
+(:mod:`hpp_framework.planning.response`). Each of these can be switched off.
 """
 
 from __future__ import annotations
@@ -18,10 +17,12 @@ from torch import Tensor
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.planner import Belief, Imagination, MetaPlanner
+from hpp_framework.planning.inference import Evidence, GoalInference
+from hpp_framework.planning.response import as_one_gaussian, likeliest, moments, pair_rewards
 from hpp_framework.predictor import Predictor
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task import Task
-from hpp_framework.types import Observation
+from hpp_framework.types import Observation, Trajectories
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,11 +36,19 @@ class LatticeConfig:
         spacing: of the lattice points, metres.
         reach: about the largest distance of a candidate from the midpoint of the team, metres; the set is
             centred on the lattice point nearest to the midpoint.
+        shared: whether the lattice is anchored in the world; else each robot has its own, anchored in itself.
         keep: a goal is kept while no candidate scores better by more than this (in units of reward).
-        evidence: weight of the evidence against the reward; 0 switches inference off.
+        terminal: share of the score that is the reward at the horizon; the rest is its mean over time.
+        doubt: how much a metre of the predictions' standard deviation costs (in units of reward); 0 ignores
+            doubt, as do predictors that have none.
+        evidence: weight of the evidence of motion against the reward; 0 switches inference off.
         surprise: standard deviation of positions around a correct prediction, metres.
         memory: share of the evidence that survives from one plan to the next.
-        temperature: of the softmax that turns scores into the belief (in units of reward).
+        respond: whether to score a goal of one's own against the goals that the others probably have, instead
+            of as a goal of all.
+        hypotheses: likeliest goals of the others that a response weighs.
+        mixture: whether the belief over the others' goals may have several peaks; else it is one Gaussian.
+        temperature: of the softmax that turns scores into a belief (in units of reward).
     """
 
     predictor: str = "far-sighted"
@@ -47,35 +56,42 @@ class LatticeConfig:
     plan_every: int = 5
     spacing: float = 0.8
     reach: float = 4.0
+    shared: bool = True
     keep: float = 0.1
-    evidence: float = 0.1
+    terminal: float = 0.0
+    doubt: float = 0.0
+    evidence: float = 0.3
     surprise: float = 0.15
     memory: float = 0.7
-    temperature: float = 0.1
+    respond: bool = True
+    hypotheses: int = 24
+    mixture: bool = True
+    temperature: float = 0.3
 
     def __post_init__(self) -> None:
-        for name in ("horizon", "plan_every"):
+        for name in ("horizon", "plan_every", "hypotheses"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"lattice: {name} must be at least 1, got {getattr(self, name)}.")
         for name in ("spacing", "reach", "surprise", "temperature"):
             if not 0 < getattr(self, name) < math.inf:
                 raise ConfigError(f"lattice: {name} must be positive, got {getattr(self, name)}.")
-        for name in ("keep", "evidence"):
+        for name in ("keep", "evidence", "doubt"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ConfigError(f"lattice: {name} must be 0 or more, got {getattr(self, name)}.")
-        if not 0 <= self.memory <= 1:
-            raise ConfigError(f"lattice: memory is a share between 0 and 1, got {self.memory}.")
+        for name in ("memory", "terminal"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ConfigError(f"lattice: {name} is a share between 0 and 1, got {getattr(self, name)}.")
 
 
 @dataclass(frozen=True)
 class LatticeBelief(Belief):
-    """Adds the evidence for each candidate of ``imagination.goals``: decayed log-likelihoods, at most 0."""
+    """Adds what the next plan can learn from."""
 
-    evidence: Float[Tensor, "b g"] | None = None
+    evidence: Evidence | None = None
 
 
 class LatticePlanner(MetaPlanner):
-    """Scores a hexagonal world-frame lattice of goals by reward over a long horizon and by evidence.
+    """Scores a hexagonal lattice of goals by reward over a long horizon, given what the others probably do.
 
     Args:
         predictor: the agent's motion models.
@@ -88,6 +104,12 @@ class LatticePlanner(MetaPlanner):
         self.task = task
         self.config = config
         self.plan_every = config.plan_every
+        self.inference = GoalInference(
+            elapsed=config.plan_every * CONTROL_PERIOD,
+            surprise=config.surprise,
+            memory=config.memory,
+            reach=config.spacing,
+        )
 
     @torch.no_grad()
     def plan(
@@ -99,48 +121,55 @@ class LatticePlanner(MetaPlanner):
         if belief is not None:
             goals = torch.cat([belief.goal[:, None], goals], 1)
         imagined = self.predictor.rollout(observation, goals, self.config.horizon)
-        evidence = self._evidence(observation, belief, goals)
-        scores = self.task.reward(imagined.poses).mean(-1) + self.config.evidence * evidence
+        before = belief.evidence if isinstance(belief, LatticeBelief) else None
+        likelihood = self.inference.weigh(before, observation.team_poses[..., :2], goals)
+        scores = self._scores(imagined, likelihood, goals, observation.agent)
         choice = scores.argmax(1)
         if belief is not None:
             wavering = scores.amax(1) <= scores[:, 0] + self.config.keep
             choice = torch.where(wavering, 0, choice)
         goal = goals[torch.arange(len(goals)), choice]
-        weights = ((scores - scores.amax(1, keepdim=True)) / self.config.temperature).softmax(1)[..., None]
-        mean = (weights * goals).sum(1)
-        std = (weights * (goals - mean[:, None]).square()).sum(1).sqrt()
+        mean, std = moments(scores / self.config.temperature, goals)
+        evidence = Evidence(goals, imagined, likelihood)
         return goal, LatticeBelief(goal, mean, std, Imagination(goals, scores, imagined), evidence)
+
+    def _scores(
+        self,
+        imagined: Trajectories,
+        likelihood: Float[Tensor, "b g n"],
+        goals: Float[Tensor, "b g 2"],
+        agent: int,
+    ) -> Float[Tensor, "b g"]:
+        config = self.config
+        hoped = self._over_time(self.task.reward(imagined.poses), imagined)
+        if not config.respond:
+            return hoped + config.evidence * likelihood.sum(-1)
+        theirs = torch.arange(likelihood.shape[-1]) != agent
+        logits = (hoped + config.evidence * likelihood[..., theirs].sum(-1)) / config.temperature
+        if not config.mixture:
+            logits = as_one_gaussian(logits, goals)
+        others, chosen = likeliest(logits, config.hypotheses)
+        return self._over_time(pair_rewards(self.task, imagined, agent, others, chosen), imagined)
+
+    def _over_time(self, reward: Float[Tensor, "b g t"], imagined: Trajectories) -> Float[Tensor, "b g"]:
+        """Return one score for the rewards along a trajectory, less what its doubt costs."""
+        terminal = self.config.terminal
+        score = (1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]
+        if self.config.doubt and imagined.std is not None:
+            score = score - self.config.doubt * imagined.std.mean((-1, -2))
+        return score
 
     def candidates(self, observation: Observation) -> Float[Tensor, "b g 2"]:
         """Return the lattice points nearest to the team's midpoint; the same set whoever looks."""
         spacing, rows = self.config.spacing, self.config.spacing * math.sqrt(3) / 2
-        middle = observation.team_poses[..., :2].mean(1)
+        anchor = torch.zeros_like(observation.pose[:, :2]) if self.config.shared else observation.pose[:, :2]
+        middle = observation.team_poses[..., :2].mean(1) - anchor
         row = (middle[:, 1] / rows).round()
         column = (middle[:, 0] / spacing).round()
         offsets = _offsets(spacing, self.config.reach).to(middle)
         r, c = row[:, None] + offsets[:, 0], column[:, None] + offsets[:, 1]
         shift = 0.5 * (r.remainder(2))
-        return torch.stack([(c + shift) * spacing, r * rows], -1)
-
-    def _evidence(
-        self, observation: Observation, belief: Belief | None, goals: Float[Tensor, "b g 2"]
-    ) -> Float[Tensor, "b g"]:
-        """Return how well each goal explains everybody's motion since the last plan, relative to the best."""
-        if not isinstance(belief, LatticeBelief) or belief.imagination is None or belief.evidence is None:
-            return goals.new_zeros(goals.shape[:2])
-        elapsed = self.plan_every * CONTROL_PERIOD
-        imagined = belief.imagination.trajectories
-        index = int((imagined.times - elapsed).abs().argmin())
-        missed = imagined.poses[:, :, index, :, :2] - observation.team_poses[:, None, :, :2]
-        likelihood = -missed.square().sum(-1).clamp(max=1.0).sum(-1) / (2 * self.config.surprise**2)
-        old = self.config.memory * belief.evidence + likelihood
-        old = old - old.amax(1, keepdim=True)
-        # candidates move with the team: carry the evidence over from the nearest old candidate
-        gap = torch.cdist(goals, belief.imagination.goals)
-        nearest = gap.argmin(2)
-        known = gap.amin(2) < self.config.spacing
-        carried = old.gather(1, nearest)
-        return torch.where(known, carried, old.amin(1, keepdim=True))
+        return torch.stack([(c + shift) * spacing, r * rows], -1) + anchor[:, None]
 
 
 def _offsets(spacing: float, reach: float) -> Float[Tensor, "g 2"]:

@@ -107,7 +107,7 @@ def dilate(seen: wp.array3d(dtype=wp.vec3), most: float, clearance: wp.array3d(d
 
 @wp.func
 def slowness(clearance: float, radius: float, comfort: float, blocked: float) -> float:
-    """Return the cost of a cell: 1 in the open, up to 3 near obstacles, ``blocked`` where there is no room."""
+    """Return the cost of a cell: 1 in the open, up to 3 near things, ``blocked`` where there is no room."""
     room = clearance - radius
     if room <= 0.0:
         return blocked

@@ -118,16 +118,20 @@ def test_agents_brake_in_time_to_rest_together():
     team = parse_team("fetch,freight")
     rest = Rest(hub().tasks.create("rendezvous", team.robots), team.robots)
 
-    def seen(gap, speed):
+    def seen(gap, speed, aside=0.0, turn=0.0):
         poses = torch.zeros(1, 5, 2, 3)
         steps = torch.arange(-4, 1) * 0.2 * speed
         poses[0, :, 0, 0], poses[0, :, 1, 0] = steps, gap - steps
-        return Observation(0, poses, torch.ones(1, 5, 222), torch.zeros(1, 2))
+        poses[0, :, 0, 2], poses[0, :, 1, 2] = aside, torch.pi + aside
+        return Observation(0, poses, torch.ones(1, 5, 222), torch.tensor([[speed, turn]]))
 
     assert not bool(rest(seen(4.0, 1.0)))
-    assert bool(rest(seen(2.5, 1.0)))
+    assert bool(rest(seen(3.0, 1.0)))
     assert not bool(rest(seen(2.5, 0.2)))
     assert bool(rest(seen(0.9, 0.0)))
+    # headed away from each other, unless the first turns back in time
+    assert not bool(rest(seen(2.0, 1.0, aside=1.0)))
+    assert bool(rest(seen(2.0, 1.0, aside=1.0, turn=-1.7)))
 
 
 def test_timing_plans_from_beliefs_and_leaves_agents_alone():
