@@ -130,8 +130,8 @@ def test_agents_brake_in_time_to_rest_together():
     assert not bool(rest(seen(2.5, 0.2)))
     assert bool(rest(seen(0.9, 0.0)))
     # headed away from each other, unless the first turns back in time
-    assert not bool(rest(seen(2.0, 1.0, aside=1.0)))
-    assert bool(rest(seen(2.0, 1.0, aside=1.0, turn=-1.7)))
+    assert not bool(rest(seen(2.0, 1.0, aside=0.9)))
+    assert bool(rest(seen(2.0, 1.0, aside=0.9, turn=-1.63)))
 
 
 def test_timing_plans_from_beliefs_and_leaves_agents_alone():
