@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,6 +12,7 @@ import torch
 from jaxtyping import Float, Int
 
 from hpp_framework.evaluation.reach import PERIODS, Reach
+from hpp_framework.evaluation.standing import FINER, Part, finer, standing_room
 from hpp_framework.evaluation.ways import ALLOWANCE, DOUBT, cut, is_open
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sim.simulator import CONTROL_PERIOD
@@ -29,7 +29,7 @@ SLACK = HALF_CELL + 1e-3
 """Metres by which robots may be further from a cell's centre than from the true meeting place in it."""
 FIRST_TRY = 3
 """Control periods beyond the least time in the open that are looked ahead first."""
-GROWTH = 1.3
+GROWTH = 1.4
 """By which factor more are looked ahead next."""
 UNREACHED = 1e6
 
@@ -70,21 +70,6 @@ def meeting_bounds(
     return (np.array(steps, np.float64) + task.sustain_steps - 1) * CONTROL_PERIOD
 
 
-@dataclass(frozen=True)
-class _Places:
-    """A part of the grid: cells that may be where the team meets.
-
-    Attributes:
-        low: first column and row.
-        shape: rows and columns.
-        xy: (p, 2) their centres in metres, row by row.
-    """
-
-    low: tuple[int, int]
-    shape: tuple[int, int]
-    xy: Array
-
-
 class _Meeting:
     """The search of one episode."""
 
@@ -96,7 +81,7 @@ class _Meeting:
         reaches: Sequence[Reach],
         radius: float,
     ) -> None:
-        self.poses, self.robots, self.reaches = poses, robots, reaches
+        self.world, self.poses, self.robots, self.reaches = world, poses, robots, reaches
         self.radius = radius + SLACK
         self.spaces = [free_space(world, body_height=robot.height) for robot in robots]
         self.rooms = self._rooms()
@@ -106,7 +91,7 @@ class _Meeting:
         limit = self._in_the_open() + FIRST_TRY
         while limit <= PERIODS:
             places = self._places(limit)
-            if len(places.xy):
+            if min(places.shape) > 0:
                 found = self._earliest(places, limit)
                 if found <= limit:
                     return max(found, 1)
@@ -123,7 +108,7 @@ class _Meeting:
                 return step
         return PERIODS
 
-    def _places(self, limit: int) -> _Places:
+    def _places(self, limit: int) -> Part:
         """Return the cells that nobody is too far from to be near in time, whatever the way."""
         space = self.spaces[0]
         far = np.array([reach.distance(limit) for reach in self.reaches])[:, None] + self.radius
@@ -131,34 +116,63 @@ class _Meeting:
         rows, columns = space.distance.shape
         low = np.floor((cells - far / space.resolution).max(0)).astype(int).clip(0)
         high = np.ceil((cells + far / space.resolution).min(0)).astype(int).clip(max=(columns, rows))
-        x, y = (np.arange(a, b) + 0.5 for a, b in zip(low.tolist(), high.tolist(), strict=True))
-        grid = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
-        corner = (int(low[0]), int(low[1]))
-        return _Places(corner, (len(y), len(x)), grid * space.resolution + np.array(space.origin))
+        width, length = (high - low).clip(0).tolist()
+        return Part((int(low[0]), int(low[1])), (length, width))
 
-    def _earliest(self, places: _Places, limit: int) -> int:
+    def _earliest(self, places: Part, limit: int) -> int:
         """Return the first step at which the team can have met at one of the places; limit + 1 if later."""
-        straight = np.stack([self._straight(i, places, limit) for i in range(len(self.robots))]).max(0)
+        centres = places.centres(self.spaces[0])
+        straight = np.stack(
+            [self._straight(i, centres, self.radius, limit) for i in range(len(self.robots))]
+        ).max(0)
         best = int(straight.argmin())
-        if straight[best] > limit or self._in_sight(places.xy[best]):
+        if straight[best] > limit or self._in_sight(centres[best]):
             return int(straight[best])
-        around = np.stack([self._around(i, places, limit) for i in range(len(self.robots))]).max(0)
-        return int(np.maximum(straight, around).min())
+        return self._around_obstacles(places, int(straight[best]), limit)
 
-    def _straight(self, robot: int, places: _Places, limit: int) -> Int[np.ndarray, "p"]:
-        """Return the steps that turning and the straight distance take."""
-        offset = places.xy - self.poses[robot, :2]
+    def _around_obstacles(self, places: Part, low: int, limit: int) -> int:
+        """Return the first step at which everybody can stand somewhere within the radius of one place.
+
+        Where each robot can stand is known to the fine grid: walls may be just too thick to meet across.
+        """
+        around = places.grown(math.ceil(self.radius / RESOLUTION) + 1, self.spaces[0])
+        arrivals = [self._arrivals(i, around, limit) for i in range(len(self.robots))]
+        # the coarse grid is quick, and never later
+        low = _first(_coarser(arrivals), self._cells(RESOLUTION), low, limit)
+        if low > limit or _have_met(arrivals, self._cells(RESOLUTION / FINER), low):
+            return low
+        return _first(arrivals, self._cells(RESOLUTION / FINER), low + 1, limit)
+
+    def _cells(self, size: float) -> float:
+        """Return the radius in cells of a size, with half a diagonal each for where robot and place are."""
+        return (self.radius - SLACK) / size + math.sqrt(2) + 0.1
+
+    def _arrivals(self, robot: int, part: Part, limit: int) -> Int[np.ndarray, "R C"]:
+        """Return the first step at which a robot can be in each fine cell; limit + 1 if later or never."""
+        space, spec = self.spaces[robot], self.robots[robot]
+        straight = self._straight(robot, part.centres(space), HALF_CELL, limit).reshape(part.shape)
+        steps = np.maximum(straight, self._around(robot, part, limit))
+        room = standing_room(
+            self.world, space, part, spec.height, spec.footprint_radius, DOUBT * space.resolution
+        )
+        return np.where(room, finer(steps), limit + 1)
+
+    def _straight(
+        self, robot: int, points: Float[np.ndarray, "p 2"], radius: float, limit: int
+    ) -> Int[np.ndarray, "p"]:
+        """Return the steps that turning and the straight distance to within a radius of points take."""
+        offset = points - self.poses[robot, :2]
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
         bearing = np.arctan2(offset[:, 1], offset[:, 0]) - self.poses[robot, 2]
         deviation = np.abs((bearing + np.pi) % (2 * np.pi) - np.pi)
-        width = np.arcsin(np.minimum(self.radius / distance, 1))
-        width = np.where(distance <= self.radius, np.pi, width)
+        width = np.arcsin(np.minimum(radius / distance, 1))
+        width = np.where(distance <= radius, np.pi, width)
         return self.reaches[robot].approaching(
-            distance - self.radius, np.maximum(deviation - width, 0), self.rooms[robot], limit
+            distance - radius, np.maximum(deviation - width, 0), self.rooms[robot], limit
         )
 
-    def _around(self, robot: int, places: _Places, limit: int) -> Int[np.ndarray, "p"]:
-        """Return the steps that the shortest way to within the radius of each place takes."""
+    def _around(self, robot: int, part: Part, limit: int) -> Int[np.ndarray, "r c"]:
+        """Return the steps that the shortest way to each cell takes."""
         space, step = self.spaces[robot], self.spaces[robot].resolution
         start = self.poses[robot, :2]
         # what cannot be driven to in time need not be looked at; the way may come out too long
@@ -168,14 +182,14 @@ class _Meeting:
         rows, columns = space.distance.shape
         low = np.floor(cell - far / step).astype(int).clip(0)
         high = np.ceil(cell + far / step).astype(int).clip(max=(columns, rows))
-        part = cut(space, low, high)
+        around = cut(space, low, high)
         # one of the cells in doubt is taken off there
         radius = self.robots[robot].footprint_radius - (DOUBT - 1) * step
         goal = torch.from_numpy(start[None]).float()
-        lengths = shortest_ways([part], radius, goal, torch.zeros(1, dtype=torch.long)).values
-        field = np.minimum(lengths.numpy().reshape(part.distance.shape), UNREACHED)
-        nearest = _nearest(field, low - np.array(places.low), places.shape, (self.radius + HALF_CELL) / step)
-        return self.reaches[robot].driving(nearest * (1 - share) - metres, limit)
+        lengths = shortest_ways([around], radius, goal, torch.zeros(1, dtype=torch.long)).values
+        field = np.minimum(lengths.double().numpy().reshape(around.distance.shape), UNREACHED)
+        least = part.of(field, low, UNREACHED) * (1 - share) - metres
+        return self.reaches[robot].driving(least.ravel(), limit).reshape(part.shape)
 
     def _in_sight(self, place: Float[np.ndarray, "2"]) -> bool:
         """Return whether everybody certainly can drive straight to within the radius of a place."""
@@ -200,28 +214,39 @@ class _Meeting:
         return rooms
 
 
-def _nearest(
-    field: Float[np.ndarray, "r c"],
-    offset: Int[np.ndarray, "2"],
-    shape: tuple[int, int],
-    radius: float,
-) -> Float[np.ndarray, "p"]:
-    """Return the least value of a field within a radius of each cell of another part of its grid.
+def _coarser(arrivals: Sequence[Int[np.ndarray, "R C"]]) -> list[Int[np.ndarray, "r c"]]:
+    """Return the earliest arrivals by coarse cell."""
+    rows, columns = (n // FINER for n in arrivals[0].shape)
+    return [steps.reshape(rows, FINER, columns, FINER).min((1, 3)) for steps in arrivals]
+
+
+def _first(arrivals: Sequence[Int[np.ndarray, "r c"]], radius: float, low: int, limit: int) -> int:
+    """Return the first step from ``low`` on at which the team can have met, limit + 1 if none."""
+    if low > limit or not _have_met(arrivals, radius, limit):
+        return limit + 1
+    high = limit
+    while low < high:
+        middle = (low + high) // 2
+        if _have_met(arrivals, radius, middle):
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def _have_met(arrivals: Sequence[Int[np.ndarray, "r c"]], radius: float, step: int) -> bool:
+    """Return whether there is a cell within a radius (in cells) of one where each robot can be.
 
     Args:
-        field: values by cell.
-        offset: column and row of its first cell, seen from the other part.
-        shape: rows and columns of the other part.
+        arrivals: first step at which each robot can be in each cell.
         radius: in cells.
+        step: at which they meet.
     """
-    reach = math.ceil(radius)
-    wide = np.full((shape[0] + 2 * reach, shape[1] + 2 * reach), UNREACHED, np.float32)
-    first = offset[::-1] + reach
-    begin, end = np.maximum(first, 0), np.minimum(first + field.shape, wide.shape)
-    if (end > begin).all():
-        source = field[begin[0] - first[0] : end[0] - first[0], begin[1] - first[1] : end[1] - first[1]]
-        wide[begin[0] : end[0], begin[1] : end[1]] = source
-    axis = np.arange(-reach, reach + 1)
-    disc = (np.hypot(axis[:, None], axis) <= radius).astype(np.uint8)
-    least = cv2.erode(wide, disc)[reach : reach + shape[0], reach : reach + shape[1]]
-    return least.astype(np.float64).ravel()
+    together = np.ones(arrivals[0].shape, np.bool_)
+    for steps in arrivals:
+        away = steps > step
+        if away.all():
+            return False
+        gap = cv2.distanceTransform(away.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        together &= gap <= radius
+    return bool(together.any())

@@ -68,6 +68,15 @@ def test_a_long_thick_wall_takes_longer_than_none(team, task):
     assert free <= thin < thick
 
 
+def test_a_wall_may_be_just_too_thick_to_meet_across(team, task):
+    """The grid of ways is too coarse to tell, so where robots can stand is looked at more closely."""
+    poses = [[-2.5, 0, 0], [2.5, 0, math.pi]]
+    most = 2 * task.radius - sum(robot.footprint_radius for robot in team.robots)
+    across = bound(team, task, room(Box(center=(0, 0), size=(most - 0.01, 5))), poses)
+    around = bound(team, task, room(Box(center=(0, 0), size=(most + 0.09, 5))), poses)
+    assert across < around - 1
+
+
 def test_robots_that_cannot_meet_never_do(team, task):
     assert math.isinf(
         bound(team, task, room(Box(center=(0, 0), size=(2.0, 8.0))), [[-3, 0, 0], [3, 0, math.pi]])
