@@ -8,7 +8,7 @@ answer of game theory is the best response: score one's own goal against what th
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from hpp_framework.task import Task
@@ -19,7 +19,7 @@ EPISODES_AT_ONCE = 8
 
 
 def pair_rewards(
-    task: Task, imagined: Trajectories, agent: int, others: Float[Tensor, "b k"], chosen: Tensor
+    task: Task, imagined: Trajectories, agent: int, others: Float[Tensor, "b k"], chosen: Int[Tensor, "b k"]
 ) -> Float[Tensor, "b g t"]:
     """Return the expected reward over time of each goal of one's own.
 
@@ -28,7 +28,7 @@ def pair_rewards(
         imagined: everybody's motion for each goal.
         agent: index of the one who chooses.
         others: probability that all others pursue a goal, for the goals in ``chosen``; sums to 1.
-        chosen: (b, k) indices of these goals.
+        chosen: indices of these goals.
     """
     parts = [
         _pair_rewards(task, *part, agent)
@@ -46,7 +46,7 @@ def _pair_rewards(
     task: Task,
     poses: Float[Tensor, "b g t n 3"],
     others: Float[Tensor, "b k"],
-    chosen: Tensor,
+    chosen: Int[Tensor, "b k"],
     agent: int,
 ) -> Float[Tensor, "b g t"]:
     rows = torch.arange(len(poses))[:, None]
@@ -56,7 +56,7 @@ def _pair_rewards(
     return torch.einsum("bgkt,bk->bgt", task.reward(pairs), others)
 
 
-def likeliest(logits: Float[Tensor, "b g"], count: int) -> tuple[Float[Tensor, "b k"], Float[Tensor, "b k"]]:
+def likeliest(logits: Float[Tensor, "b g"], count: int) -> tuple[Float[Tensor, "b k"], Int[Tensor, "b k"]]:
     """Return the probabilities of the likeliest goals, summing to 1, and their indices."""
     top = logits.topk(min(count, logits.shape[1]), dim=1)
     return top.values.softmax(1), top.indices

@@ -101,10 +101,7 @@ def test_batched_equals_looped(team, sensed, name, preset):
     observation = sensed.observe(0)
     goals, _ = planner.plan(observation, None, torch_rng(1, "a"))
     for row in range(4):
-        alone = replace(
-            observation, poses=observation.poses[row : row + 1], scans=observation.scans[row : row + 1],
-            velocity=observation.velocity[row : row + 1],
-        )  # fmt: skip
+        alone = observation.episodes(slice(row, row + 1))
         goal, _ = planner.plan(alone, None, torch_rng(1, "a"))
         assert torch.allclose(goal[0], goals[row], atol=1e-4)
 
@@ -168,18 +165,53 @@ class Walks(Predictor):
         )
 
 
-def test_motion_is_evidence_of_goals(team, sensed):
-    """Whoever sees everybody walk north wants to meet in the north, though all goals score alike."""
-    task = hub().tasks.create("rendezvous", team.robots)
-    planner = LatticePlanner(Walks(), task, LatticeConfig(keep=0.0, evidence=10.0))
+def north_and_south(sensed, **config):
+    """Plan twice around a robot that walks north while its mate does, or the mate alone walks south."""
+    task = hub().tasks.create("rendezvous", parse_team("fetch,freight").robots)
+    planner = LatticePlanner(Walks(), task, LatticeConfig(keep=0.0, **config))
     poses = torch.zeros(4, 5, 2, 3)
     poses[..., 0, 0], poses[..., 1, 0] = -0.4, 0.4
-    before = replace(sensed.observe(0), poses=poses)
+    before = replace(sensed.observe(0), poses=poses, keyframes=None)
     _, belief = planner.plan(before, None, torch_rng(0, "a"))
-    moved = poses + torch.tensor([0.0, 1.0, 0.0])
-    goal, _ = planner.plan(replace(before, poses=moved), belief, torch_rng(0, "a"))
+
+    def after(own, mate):
+        moved = poses.clone()
+        moved[..., 0, 1], moved[..., 1, 1] = own, mate
+        return planner.plan(replace(before, poses=moved), belief, torch_rng(0, "a"))[0]
+
+    return after
+
+
+def test_motion_is_evidence_of_goals(team, sensed):
+    """Whoever sees everybody walk north wants to meet in the north, though all goals score alike."""
+    goal = north_and_south(sensed, evidence=10.0, respond=False)(1.0, 1.0)
     assert (goal[:, 1] > 1.5).all()
     assert (goal[:, 0].abs() < 1.0).all()
+
+
+def test_a_response_follows_the_others_and_not_oneself(team, sensed):
+    """Having walked north alone is no reason to go on while the mate walks south."""
+    goal = north_and_south(sensed, evidence=10.0)(1.0, -1.0)
+    assert (goal[:, 1] < 0.0).all()
+
+
+@pytest.mark.parametrize("off", ["shared", "mixture", "respond"])
+def test_every_switch_leaves_a_planner_that_plans(team, sensed, off):
+    task = hub().tasks.create("rendezvous", team.robots)
+    planner = LatticePlanner(Arrives(), task, LatticeConfig(**{off: False}))
+    _, belief = planner.plan(sensed.observe(0), None, torch_rng(0, "a"))
+    goal, belief = planner.plan(sensed.observe(0), belief, torch_rng(0, "a"))
+    assert goal.isfinite().all()
+    assert (belief.std > 0).all()
+
+
+def test_a_lattice_of_ones_own_moves_with_oneself(team, sensed):
+    task = hub().tasks.create("rendezvous", team.robots)
+    planner = LatticePlanner(Arrives(), task, LatticeConfig(shared=False))
+    seen = sensed.observe(0)
+    moved = replace(seen, poses=seen.poses + torch.tensor([0.3, 0.0, 0.0]))
+    shift = planner.candidates(moved) - planner.candidates(seen)
+    assert torch.allclose(shift, torch.tensor([0.3, 0.0]).expand_as(shift), atol=1e-5)
 
 
 def test_random_point_is_shared_and_fixed(team, sensed):
@@ -195,7 +227,7 @@ def test_random_point_is_shared_and_fixed(team, sensed):
     [
         ("spacing", 0.0), ("reach", -1.0), ("surprise", 0.0), ("temperature", 0.0), ("spacing", float("nan")),
         ("horizon", 0), ("plan_every", 0), ("memory", 1.1), ("memory", -0.1), ("keep", -0.1),
-        ("evidence", -1.0), ("reach", float("inf")),
+        ("evidence", -1.0), ("reach", float("inf")), ("terminal", 1.1), ("doubt", -0.1), ("hypotheses", 0),
     ],
 )  # fmt: skip
 def test_unusable_parameters_of_the_lattice_are_refused(name, value):
