@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -30,6 +30,10 @@ PERFECT_PLAN_EVERY = 10
 """Control steps between plans by simulation, which are dear; less often than predictions need it, as a
 simulated plan does not turn out wrong."""
 
+
+NOBODY_TO_GUESS: Mapping[str, Mapping[str, Any]] = {"best": {"respond": False, "evidence": 0.0}}
+"""Settings by preset that switch off the guessing of others' goals: where all goals are one there is nothing to
+guess, and a goal is scored as what it is, a goal of all."""
 
 MakePrivileged = Callable[[str, PlannerContext], PrivilegedPredictor]
 """Builds what answers in place of the predictor of a registered name."""
@@ -57,7 +61,8 @@ class OneMind(PrivilegedPlanner):
             self._predictors.append(make_predictor(name, context))
             return self._predictors[-1]
 
-        self.planner = hpp(context, make)
+        settings = {**NOBODY_TO_GUESS.get(context.preset, {}), **context.settings}
+        self.planner = hpp(replace(context, settings=settings), make)
         self.plan_every = self.planner.plan_every
         self.config: Any = getattr(self.planner, "config", None)
 
