@@ -16,7 +16,7 @@ from hpp_framework.evaluation.skill_figures import save_figure
 COLORS = ("#2364aa", "#d1495b", "#3a9d23", "#8e5ea2", "#ea7317", "#00798c", "#6b4226")
 PLAIN = {"constant-velocity": ("#8a8f99", "--"), "empty-world": ("#20242c", ":")}
 """Colour and line of models that have learnt nothing."""
-PANEL = (5.2, 3.9)
+PANEL = (5.2, 4.1)
 """Inches a panel."""
 ROLES = {"self": "of itself", "other": "of the other robot"}
 BAR_SECONDS = 5.0
@@ -50,7 +50,7 @@ def plot_horizons(file: Path, rows: Sequence[Row], *, title: str = "") -> Path:
         axes.set(title=f"prediction {ROLES[role]}, {world}", xlabel="seconds ahead", yscale="log")
         axes.set_ylabel("mean position error [m]")
         axes.grid(which="major", alpha=0.3)
-    panels[0].legend(fontsize=8, frameon=False)
+    _legend(figure, panels[0])
     return save_figure(figure, file)
 
 
@@ -76,7 +76,7 @@ def plot_worlds(file: Path, rows: Sequence[Row], *, title: str = "") -> Path:
         axes.set_xticks(range(len(worlds)), [Path(world).stem for world in worlds])
         axes.set_ylabel("mean position error [m]")
         axes.grid(axis="y", alpha=0.3)
-    panels[0].legend(fontsize=8, frameon=False)
+    _legend(figure, panels[0])
     return save_figure(figure, file)
 
 
@@ -141,6 +141,12 @@ def _panels(count: int, title: str) -> tuple[Figure, list[Any]]:
         axes.tick_params(labelsize=8)
         axes.spines[["top", "right"]].set_visible(False)
     return figure, list(panels[0])
+
+
+def _legend(figure: Figure, axes: Any) -> None:
+    """Write what the panels' colours mean below them all."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
 
 
 def _roles(rows: Sequence[Row]) -> list[str]:
