@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from hpp_framework.evaluation.reach import PERIODS, Reach
 from hpp_framework.evaluation.standing import FINER, Part, finer, standing_room
@@ -242,11 +242,25 @@ def _have_met(arrivals: Sequence[Int[np.ndarray, "r c"]], radius: float, step: i
         radius: in cells.
         step: at which they meet.
     """
-    together = np.ones(arrivals[0].shape, np.bool_)
-    for steps in arrivals:
-        away = steps > step
+    reached = [steps <= step for steps in arrivals]
+    if not all(cells.any() for cells in reached):
+        return False
+    part = _around_all(reached, math.ceil(radius))
+    together = np.ones(reached[0][part].shape, np.bool_)
+    for cells in reached:
+        away = (~cells[part]).astype(np.uint8)
         if away.all():
             return False
-        gap = cv2.distanceTransform(away.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        together &= gap <= radius
+        together &= cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= radius
     return bool(together.any())
+
+
+def _around_all(reached: Sequence[Bool[np.ndarray, "r c"]], radius: int) -> tuple[slice, slice]:
+    """Return the rows and columns where what all robots reach comes within twice a radius."""
+    parts: list[slice] = []
+    for axis, size in enumerate(reached[0].shape):
+        ends = [np.flatnonzero(cells.any(1 - axis))[[0, -1]] for cells in reached]
+        low = max(int(first) for first, _ in ends) - 2 * radius
+        high = min(int(last) for _, last in ends) + 2 * radius + 1
+        parts.append(slice(max(low, 0), min(max(high, low, 1), size)))
+    return parts[0], parts[1]
