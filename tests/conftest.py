@@ -19,7 +19,6 @@ UNCHECKED = {
     "hpp_framework.sim.lidar_kernels",
     "hpp_framework.prediction.one_step_kernels",
     "hpp_framework.prediction.chart_kernels",
-    "hpp_framework.prediction.depth_kernels",
     "hpp_skills.dwa.window_kernels",
     "hpp_framework.worlds.geodesic_kernels",
 }

@@ -1,9 +1,10 @@
-"""A motion model that looks far: positions 1 to 12 s ahead, directly, without rolling errors out.
+"""A motion model that looks far: positions 1 to 15 s ahead, directly, along ways through what was seen.
 
-Everything is expressed in the frame that has its origin at the predicted robot and its x axis towards the
-goal, so that one experience serves every direction. What lies around that robot is read off the *predicting*
-agent's scan by asking, for a grid of points, how far each lies in front of or behind what the lidar saw in
-its direction.
+A robot that is told a goal goes there around what stands in its way. So the model first finds that way
+itself, on a chart of everything that the *predicting* agent saw in the last seconds, and a network then says
+how the robot's motion differs from going along it at a steady speed, and how sure that is. Everything is
+expressed in the frame that has its origin at the predicted robot and its x axis towards the goal, so that
+one experience serves every direction.
 """
 
 from __future__ import annotations
@@ -18,133 +19,151 @@ from torch import Tensor, nn
 
 from hpp_framework import geometry
 from hpp_framework.errors import ConfigError
-from hpp_framework.kernels import wp
-from hpp_framework.prediction import depth_kernels
-from hpp_framework.prediction.dataset import Batch
-from hpp_framework.prediction.library import load_models
+from hpp_framework.prediction.chart import Chart, charted_ways, clearance_around, draw_chart
+from hpp_framework.prediction.dataset import Batch, Prepared, collected_team
+from hpp_framework.prediction.library import find_members, load_models
 from hpp_framework.prediction.training import Recipe, constant_velocity_error, train_model
-from hpp_framework.predictor import Predictor, PredictorRequest, PredictorTraining
-from hpp_framework.robot import Lidar, RobotSpec
-from hpp_framework.sensing import HISTORY
+from hpp_framework.predictor import Imagine, Predictor, PredictorRequest, PredictorTraining
+from hpp_framework.robot import RobotSpec
+from hpp_framework.sensing import HISTORY, KEYFRAMES
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.types import Observation, Trajectories
 
 KIND = "far-sighted"
-OFFSETS = tuple(range(5, 61, 5))
-"""Control steps ahead: every second up to 12 s."""
+OFFSETS = tuple(range(5, 76, 5))
+"""Control steps ahead: every second up to 15 s."""
 
-ALONG = tuple(-1.5 + 0.5 * i for i in range(20))
+SPEED = 0.7
+"""Speed in m/s of the motion along the way that the network corrects."""
+
+ALONG = tuple(-1.0 + 0.5 * i for i in range(17))
 ACROSS = tuple(-3.0 + 0.6 * i for i in range(11))
 """The grid of points around the predicted robot, towards the goal and across, in metres."""
 
 HIDDEN = 256
 SCAN_FEATURES = 64
-_DEPTH = 1.5
-_CHANNELS = 12
-_LOCAL = 2 + 2 + (2 + 1 + 1) * (HISTORY - 1) + 4 + 2 * (HISTORY - 1)
+CHANNELS = 12
+WAY = 2 * len(OFFSETS) + 5
+"""Points of the way, its length and cost against the straight line."""
+LOCAL = 2 + 2 + (2 + 1 + 1) * (HISTORY - 1) + 4 + 2 * (HISTORY - 1)
 """Goal distance, heading, the subject's recent motion, where the agent is, the agent's recent motion."""
+FEATURES = len(ALONG) * len(ACROSS) + WAY + LOCAL
+
+SMALLEST_STD = 0.03
+LARGEST_STD = 5.0
+"""Bounds of the predicted standard deviation, in metres."""
+DOUBT_WEIGHT = 0.1
+"""Weight of the likelihood, which trains the standard deviation only, beside the distance."""
+DISTINCT = 800
+"""Batches that a training charts: finding ways takes longer than a gradient step."""
 
 
 class FarSightedNetwork(nn.Module):
-    """Scan context (once a plan) and goal-dependent features (once a candidate) to future positions.
+    """Scan features (once a plan) and goal-dependent ones (once a candidate) to future positions.
 
     Args:
-        lidar: of the predicting agent.
+        robot: the predicting one.
     """
 
-    mount: Tensor
-    grid: Tensor
-    times: Tensor
-
-    def __init__(self, lidar: Lidar) -> None:
+    def __init__(self, robot: RobotSpec) -> None:
         super().__init__()
-        self.first_angle = float(lidar.angles()[0])
-        self.angle_step = float(lidar.angles()[1] - lidar.angles()[0])
-        self.beams = lidar.beams
+        self.lidar = robot.lidar
         self.scan = nn.Sequential(
-            nn.Conv1d(1, _CHANNELS, 7, stride=3), nn.ReLU(),
-            nn.Conv1d(_CHANNELS, _CHANNELS, 5, stride=3), nn.ReLU(),
+            nn.Conv1d(1, CHANNELS, 7, stride=3), nn.ReLU(),
+            nn.Conv1d(CHANNELS, CHANNELS, 5, stride=3), nn.ReLU(),
             nn.Flatten(),
         )  # fmt: skip
         with torch.no_grad():
-            width = self.scan(torch.zeros(1, 1, lidar.beams)).shape[1]
-        self.context = nn.Linear(width, SCAN_FEATURES)
-        self.first = nn.Linear(SCAN_FEATURES + len(ALONG) * len(ACROSS) + _LOCAL, HIDDEN)
+            width = self.scan(torch.zeros(1, 1, robot.lidar.beams)).shape[1]
+        self.context = nn.Linear(width, HIDDEN)
+        self.first = nn.Linear(FEATURES, HIDDEN)
         self.rest = nn.Sequential(
             nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU(),
-            nn.Linear(HIDDEN, 2 * len(OFFSETS)),
+            nn.Linear(HIDDEN, 3 * len(OFFSETS)),
         )  # fmt: skip
-        self.register_buffer("mount", torch.tensor(lidar.mount), persistent=False)
-        grid = torch.cartesian_prod(torch.tensor(ALONG), torch.tensor(ACROSS))
-        self.register_buffer("grid", grid, persistent=False)
-        self.register_buffer("times", torch.tensor(OFFSETS) * CONTROL_PERIOD, persistent=False)
 
     def forward(
         self,
-        agent_poses: Float[Tensor, "b h 3"],
-        subject_poses: Float[Tensor, "b h 3"],
         scan: Float[Tensor, "b k"],
-        goals: Float[Tensor, "b g 2"],
-    ) -> Float[Tensor, "b g t 2"]:
-        """Return world positions of the subject for every goal, at :data:`OFFSETS`."""
-        context = self.context(self.scan((1 / (1 + scan))[:, None]))
-        subject = subject_poses[:, -1]
-        towards = goals - subject[:, None, :2]
-        distance = towards.norm(dim=-1, keepdim=True)
-        frame = torch.cat(
-            [subject[:, None, :2].expand_as(towards), torch.atan2(towards[..., 1:], towards[..., :1])], -1
-        )
-        near = self._surroundings(agent_poses[:, -1], scan, frame)
-        local = self._motion(agent_poses, subject_poses, frame, distance)
-        candidates = goals.shape[1]
-        x = torch.cat([context[:, None].expand(-1, candidates, -1), near, local], -1)
-        out = self.rest(self.first(x)).unflatten(-1, (len(OFFSETS), 2))
-        straight = torch.minimum(distance, 0.7 * self.times)
-        ahead = out + torch.stack([straight, torch.zeros_like(straight)], -1)
-        return geometry.to_world(frame[:, :, None], ahead)
+        features: Float[Tensor, "b g f"],
+        steady: Float[Tensor, "b g t 2"],
+        heading: Float[Tensor, "b g"],
+    ) -> tuple[Float[Tensor, "b g t 2"], Float[Tensor, "b g t"]]:
+        """Return world positions of the subject at :data:`OFFSETS`, and their standard deviation in metres.
 
-    def _surroundings(
-        self, agent: Float[Tensor, "b 3"], scan: Float[Tensor, "b k"], frame: Float[Tensor, "b g 3"]
-    ) -> Float[Tensor, "b g p"]:
-        """Return how far each grid point lies in front of (+) or behind (-) what the lidar saw, in [-1, 1].
-
-        Points outside the field of view count as far behind: nothing is known of them.
+        Args:
+            scan: of the agent, metres.
+            features: see :func:`describe`.
+            steady: positions of a steady motion along the way, world frame, metres.
+            heading: direction from the subject to the goal.
         """
-        eye = geometry.compose(agent, self.mount.expand_as(agent))
-        out = frame.new_empty(*frame.shape[:2], len(self.grid))
-        wp.launch(
-            depth_kernels.read_depths,
-            dim=frame.shape[:2],
-            inputs=[
-                wp.from_torch(eye, dtype=wp.vec3), wp.from_torch(scan.contiguous()),
-                self.first_angle, self.angle_step, wp.from_torch(frame.contiguous(), dtype=wp.vec3),
-                wp.from_torch(self.grid, dtype=wp.vec2), _DEPTH, wp.from_torch(out),
-            ],
-            device=wp.device_from_torch(out.device),
-        )  # fmt: skip
-        return out
+        context = self.context(self.scan((1 / (1 + scan))[:, None]))
+        out = self.rest(self.first(features) + context[:, None]).unflatten(-1, (len(OFFSETS), 3))
+        cos, sin = heading.cos()[..., None], heading.sin()[..., None]
+        ahead, aside = out[..., 0], out[..., 1]
+        offset = torch.stack([cos * ahead - sin * aside, sin * ahead + cos * aside], -1)
+        std = out[..., 2].exp().clamp(SMALLEST_STD, LARGEST_STD)
+        return steady + offset, std
 
-    @staticmethod
-    def _motion(
-        agent_poses: Float[Tensor, "b h 3"],
-        subject_poses: Float[Tensor, "b h 3"],
-        frame: Float[Tensor, "b g 3"],
-        distance: Float[Tensor, "b g 1"],
-    ) -> Float[Tensor, "b g f"]:
-        """Return goal distance, headings, recent motion of subject and agent, and where the agent is."""
-        subject = geometry.between(frame[:, :, None], subject_poses[:, None])
-        agent = geometry.between(frame[:, :, None], agent_poses[:, None])
-        heading = subject[..., 2]
-        turned = geometry.wrap_angle(heading[..., 1:] - heading[..., :-1])
-        steps = (subject[..., 1:, :2] - subject[..., :-1, :2]) * 5
-        parts = [
-            (distance / 10).clamp(max=2.0), 1 / (1 + distance),
-            heading[..., -1:].cos(), heading[..., -1:].sin(),
-            steps.flatten(2), turned * 5, steps.norm(dim=-1),
-            (agent[..., -1, :2] / 5).clamp(-2, 2), agent[..., -1, 2:].cos(), agent[..., -1, 2:].sin(),
-            ((agent[..., 1:, :2] - agent[..., :-1, :2]) * 5).flatten(2),
-        ]  # fmt: skip
-        return torch.cat(parts, -1)
+
+def describe(
+    chart: Chart,
+    agent_poses: Float[Tensor, "b h 3"],
+    subject_poses: Float[Tensor, "b s h 3"],
+    goals: Float[Tensor, "b g 2"],
+) -> tuple[Float[Tensor, "b s g f"], Float[Tensor, "b s g t 2"], Float[Tensor, "b s g"]]:
+    """Return what the network is told of every subject and goal.
+
+    Args:
+        chart: of what the agent saw, with the ways of the subjects.
+        agent_poses: its history.
+        subject_poses: their histories.
+        goals: world frame, metres.
+
+    Returns:
+        Features, positions of a steady motion along the way, and the direction from subject to goal.
+    """
+    now = subject_poses[:, :, -1, :2]
+    towards = goals[:, None] - now[:, :, None]
+    distance = towards.norm(dim=-1)
+    heading = torch.atan2(towards[..., 1], towards[..., 0])
+    frame = torch.cat([now[:, :, None].expand_as(towards), heading[..., None]], -1)
+    arcs = torch.tensor(OFFSETS) * (CONTROL_PERIOD * SPEED)
+    ways = charted_ways(chart, goals, arcs)
+    points = geometry.to_frame(frame[..., None, :], ways.points) / 5
+    straight = distance[..., None]
+    length, cost = ways.lengths[..., None], ways.costs[..., None]
+    way = [
+        points.flatten(3),
+        (length / 10).clamp(max=2), ((length - straight) / 5).clamp(-1, 2),
+        ((cost - length) / 5).clamp(-1, 4),
+        1 / (1 + length), (length / (straight + 0.3)).clamp(max=5),
+    ]  # fmt: skip
+    grid = torch.cartesian_prod(torch.tensor(ALONG), torch.tensor(ACROSS))
+    near = clearance_around(chart, frame, grid)
+    motion = _motion(agent_poses, subject_poses, frame, straight)
+    return torch.cat([near, *way, *motion], -1), ways.points, heading
+
+
+def _motion(
+    agent_poses: Float[Tensor, "b h 3"],
+    subject_poses: Float[Tensor, "b s h 3"],
+    frame: Float[Tensor, "b s g 3"],
+    distance: Float[Tensor, "b s g 1"],
+) -> list[Float[Tensor, "b s g _"]]:
+    """Return goal distance, headings, recent motion of subject and agent, and where the agent is."""
+    subject = geometry.between(frame[..., None, :], subject_poses[:, :, None])
+    agent = geometry.between(frame[..., None, :], agent_poses[:, None, None])
+    heading = subject[..., 2]
+    turned = geometry.wrap_angle(heading[..., 1:] - heading[..., :-1])
+    steps = (subject[..., 1:, :2] - subject[..., :-1, :2]) * 5
+    return [
+        (distance / 10).clamp(max=2.0), 1 / (1 + distance),
+        heading[..., -1:].cos(), heading[..., -1:].sin(),
+        steps.flatten(3), turned * 5, steps.norm(dim=-1),
+        (agent[..., -1, :2] / 5).clamp(-2, 2), agent[..., -1, 2:].cos(), agent[..., -1, 2:].sin(),
+        ((agent[..., 1:, :2] - agent[..., :-1, :2]) * 5).flatten(3),
+    ]  # fmt: skip
 
 
 class FarSighted(Predictor):
@@ -152,72 +171,109 @@ class FarSighted(Predictor):
 
     Args:
         models: one a robot, in team order; that of the agent is its self-predictor.
+        robots: the team.
     """
 
-    def __init__(self, models: list[FarSightedNetwork]) -> None:
+    def __init__(self, models: list[FarSightedNetwork], robots: tuple[RobotSpec, ...]) -> None:
         self.models = models
+        self.radii = torch.tensor([robot.footprint_radius for robot in robots])
+        self.times = torch.tensor(OFFSETS) * CONTROL_PERIOD
 
-    @torch.no_grad()
     def rollout(self, observation: Observation, goals: Float[Tensor, "b g 2"], horizon: int) -> Trajectories:
         """Imagine ``horizon`` seconds; headings are not predicted (NaN).
 
         Raises:
-            ConfigError: if the horizon is longer than 12 s.
+            ConfigError: if the horizon is longer than 15 s.
         """
+        return self.condition(observation, horizon)(goals)
+
+    @torch.no_grad()
+    def condition(self, observation: Observation, horizon: int) -> Imagine:
+        """Chart what the agent saw, once for all goals; raises as :meth:`rollout` does."""
         if not 1 <= horizon <= len(OFFSETS):
             raise ConfigError(
                 f"{KIND} predicts 1 to {len(OFFSETS)} steps of a second, but the horizon is {horizon}."
             )
-        own = observation.poses[:, :, observation.agent]
-        positions = [
-            model(own, observation.poses[:, :, subject], observation.scan, goals)[:, :, :horizon]
-            for subject, model in enumerate(self.models)
-        ]
-        xy = torch.stack(positions, 3)
-        poses = torch.cat([xy, torch.full_like(xy[..., :1], math.nan)], -1)
-        return Trajectories(poses, self.models[0].times[:horizon])
+        team = observation.team_poses
+        chart = draw_chart(
+            self.models[0].lidar, observation.agent, team, observation.scan, observation.keyframes,
+            team[..., :2], self.radii,
+        )  # fmt: skip
+        own, everybody = observation.poses[:, :, observation.agent], observation.poses.transpose(1, 2)
 
+        @torch.no_grad()
+        def imagine(goals: Float[Tensor, "b g 2"]) -> Trajectories:
+            features, steady, heading = describe(chart, own, everybody, goals)
+            guesses = [
+                model(observation.scan, features[:, i], steady[:, i], heading[:, i])
+                for i, model in enumerate(self.models)
+            ]
+            xy = torch.stack([guess[0][:, :, :horizon] for guess in guesses], 3)
+            std = torch.stack([guess[1][:, :, :horizon] for guess in guesses], 3)
+            poses = torch.cat([xy, torch.full_like(xy[..., :1], math.nan)], -1)
+            return Trajectories(poses, self.times[:horizon], std)
 
-def _build(robot: RobotSpec) -> FarSightedNetwork:
-    return FarSightedNetwork(robot.lidar)
+        return imagine
 
 
 def create(request: PredictorRequest) -> FarSighted:
     """Load the models of a team (see :func:`hpp_framework.prediction.library.load_models` for the errors)."""
-    return FarSighted(cast("list[FarSightedNetwork]", load_models(KIND, request, _build)))
+    models = cast("list[FarSightedNetwork]", load_models(KIND, request, FarSightedNetwork))
+    return FarSighted(models, request.team.robots)
 
 
 def train(config: PredictorTraining) -> Path:
-    """Train one model on the distance to where the robot really went."""
+    """Train one model on the distance to where the robot really went, and on the doubt that is left."""
+    team = collected_team(config.data)
+    agent, subject = find_members(team, config.agent, config.subject)
+
+    def prepare(batch: Batch) -> Prepared:
+        chart = draw_chart(
+            agent.robot.lidar, config.agent, batch.team_poses, batch.scans[:, -1], batch.keyframes,
+            batch.subject_poses[:, -1:, :2], torch.tensor([subject.robot.footprint_radius]),
+        )  # fmt: skip
+        told = describe(chart, batch.agent_poses, batch.subject_poses[:, None], batch.goals[:, None])
+        features, steady, heading = (each[:, 0] for each in told)
+        return features.half(), steady, heading
+
     return train_model(
         config,
         Recipe(
-            kind=KIND, build=_build, offsets=OFFSETS, scan_history=1, scan_future=0, loss=_loss,
-            errors=_errors, headline=("error_5s_m", "constant_velocity_5s_m"),
+            kind=KIND, build=FarSightedNetwork, offsets=OFFSETS, scan_history=1, scan_future=0, loss=_loss,
+            errors=_errors, headline=("error_5s_m", "constant_velocity_5s_m"), keyframes=KEYFRAMES,
+            prepare=prepare, distinct=DISTINCT,
         ),
     )  # fmt: skip
 
 
-def _distances(model: nn.Module, batch: Batch) -> Float[Tensor, "b t"]:
+def _missed(model: nn.Module, batch: Batch) -> tuple[Float[Tensor, "b t"], Float[Tensor, "b t"]]:
+    """Return the distance between guess and truth, and the standard deviation that was predicted."""
     assert isinstance(model, FarSightedNetwork)
-    guess = model(batch.agent_poses, batch.subject_poses, batch.scans[:, -1], batch.goals[:, None])[:, 0]
-    return (guess - batch.future[..., :2]).norm(dim=-1)
+    assert batch.prepared is not None
+    features, steady, heading = batch.prepared
+    guess, std = model(batch.scans[:, -1], features.float(), steady, heading)
+    return (guess[:, 0] - batch.future[..., :2]).norm(dim=-1), std[:, 0]
 
 
 def _loss(model: nn.Module, batch: Batch) -> Tensor:
-    """Huber-like loss: the distance itself, so that one detour does not outweigh many straight ways."""
-    distance = _distances(model, batch)
+    """Train positions on a Huber-like loss, so that one detour does not outweigh many straight ways.
+
+    The standard deviation is trained on the likelihood of what positions miss, which leaves them alone.
+    """
+    distance, std = _missed(model, batch)
     smooth = (distance.square() + 0.04).sqrt() - 0.2
-    return (smooth * batch.valid).sum() / batch.valid.sum().clamp(min=1)
+    doubt = distance.detach().square() / (2 * std.square()) + 2 * std.log()
+    return ((smooth + DOUBT_WEIGHT * doubt) * batch.valid).sum() / batch.valid.sum().clamp(min=1)
 
 
 def _errors(model: nn.Module, batch: Batch) -> dict[str, float]:
     """Return the mean position error by horizon, and that of constant velocity, in metres."""
-    ours, theirs = _distances(model, batch), constant_velocity_error(batch, OFFSETS)
+    (ours, std), theirs = _missed(model, batch), constant_velocity_error(batch, OFFSETS)
     rows: dict[str, float] = {}
     for index, offset in enumerate(OFFSETS):
         keep = batch.valid[:, index]
         seconds = round(offset * CONTROL_PERIOD)
         rows[f"error_{seconds}s_m"] = float(ours[keep, index].mean())
         rows[f"constant_velocity_{seconds}s_m"] = float(theirs[keep, index].mean())
+        rows[f"std_{seconds}s_m"] = float(std[keep, index].mean())
     return rows
