@@ -52,21 +52,21 @@ class LatticeConfig:
     """
 
     predictor: str = "far-sighted"
-    horizon: int = 12
+    horizon: int = 15
     plan_every: int = 5
     spacing: float = 0.8
     reach: float = 4.0
     shared: bool = True
-    keep: float = 0.1
-    terminal: float = 0.0
-    doubt: float = 0.0
+    keep: float = 0.4
+    terminal: float = 0.4
+    doubt: float = 0.3
     evidence: float = 0.3
     surprise: float = 0.15
     memory: float = 0.7
     respond: bool = True
     hypotheses: int = 24
     mixture: bool = True
-    temperature: float = 0.3
+    temperature: float = 0.6
 
     def __post_init__(self) -> None:
         for name in ("horizon", "plan_every", "hypotheses"):
