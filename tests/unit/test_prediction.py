@@ -312,9 +312,9 @@ def test_folders_in_which_nothing_can_be_found_are_refused(team, tmp_path):
 
 
 def test_a_horizon_beyond_the_model_is_refused(fetch):
-    model = FarSighted([FarSightedNetwork(fetch.lidar), FarSightedNetwork(fetch.lidar)])
-    with pytest.raises(ConfigError, match="1 to 12 steps of a second, but the horizon is 13"):
-        model.rollout(observation(), torch.zeros(3, 1, 2), 13)
+    model = FarSighted([FarSightedNetwork(fetch), FarSightedNetwork(fetch)], (fetch, fetch))
+    with pytest.raises(ConfigError, match="1 to 15 steps of a second, but the horizon is 16"):
+        model.rollout(observation(), torch.zeros(3, 1, 2), 16)
 
 
 def test_missing_weights_say_what_to_do(team):
@@ -340,7 +340,7 @@ def test_rollouts_have_the_promised_shape(fetch, agents):
     goals = torch.randn(3, 7, 2, generator=torch.Generator().manual_seed(2))
     models = [
         *((OneStep(form, [OneStepNetwork(222) for _ in range(agents)], 0), 5) for form in FORMS),
-        (FarSighted([FarSightedNetwork(fetch.lidar) for _ in range(agents)]), len(OFFSETS)),
+        (FarSighted([FarSightedNetwork(fetch) for _ in range(agents)], (fetch,) * agents), len(OFFSETS)),
         (ConstantVelocity(), 4),
     ]
     for model, horizon in models:
@@ -355,14 +355,14 @@ def test_candidates_do_not_influence_each_other(fetch):
     goals = torch.randn(3, 7, 2, generator=torch.Generator().manual_seed(2))
     for model in (
         *(OneStep(form, [OneStepNetwork(222), OneStepNetwork(222)], 0) for form in FORMS),
-        FarSighted([FarSightedNetwork(fetch.lidar), FarSightedNetwork(fetch.lidar)]),
+        FarSighted([FarSightedNetwork(fetch), FarSightedNetwork(fetch)], (fetch, fetch)),
     ):
         together = model.rollout(seen, goals, 5).poses[..., :2]
         alone = torch.cat([model.rollout(seen, goals[:, i : i + 1], 5).poses[..., :2] for i in range(7)], 1)
         assert torch.allclose(together, alone, atol=1e-4)
 
 
-def test_models_do_not_depend_on_where_the_world_has_its_origin(fetch):
+def test_models_do_not_depend_on_where_the_world_has_its_origin():
     """Turning and moving everything turns and moves what is predicted."""
     from hpp_framework import geometry
 
@@ -374,7 +374,6 @@ def test_models_do_not_depend_on_where_the_world_has_its_origin(fetch):
     )
     for model in (
         *(OneStep(f, [OneStepNetwork(222), OneStepNetwork(222)], 0) for f in FORMS if not f.in_world),
-        FarSighted([FarSightedNetwork(fetch.lidar), FarSightedNetwork(fetch.lidar)]),
     ):
         here = model.rollout(seen, goals, 4).poses[..., :2]
         there = model.rollout(moved, geometry.to_world(place.expand(3, 4, 3), goals), 4).poses[..., :2]
