@@ -68,9 +68,9 @@ def register(hub: Hub) -> None:
             "delta_general_pose_lidar",
             "the paper's ablation: next pose seen from the agent, and next scan",
         ),
-        ("far-sighted", "far_sighted", "positions 1 to 12 s ahead, directly"),
+        ("far-sighted", "far_sighted", "positions 1 to 15 s ahead, along ways through what was seen"),
         ("constant-velocity", "constant_velocity", "everybody goes on as now; needs no weights"),
-        ("empty-world", "empty_world", "everybody's own skill as if nothing stood in the way; needs no weights"),
+        ("empty-world", "empty_world", "everybody's own skill with nothing in the way; needs no weights"),
     ):
         hub.predictors.add(name, f"{prediction}.{module}:create", summary=summary)
     for name, module in (

@@ -153,7 +153,7 @@ def test_messages_are_not_markup(capsys):
     }  # fmt: skip
     console.print(comparison_table([versus]))
     assert "[b]q" in capsys.readouterr().out
-    lost = dict.fromkeys(("silence", "predictor", "skill"), [0.1, 0.0, 0.2])
+    lost = {part: [0.1, 0.0, 0.2] for part in ("silence", "predictor", "skill")}
     console.print(blame_table([{**row, **lost}]))
     assert "[red]room[/].yaml" in capsys.readouterr().out
     assert "[red]room[/].yaml" in shown
