@@ -108,7 +108,8 @@ def paper(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner
 def best(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner:
     """Build the planner with the best settings known so far; see docs/decisions.md."""
     config = altered(LatticeConfig(), context.settings, "planner 'hpp', preset 'best'")
-    return LatticePlanner(make_predictor(config.predictor, context), context.task, config)
+    lidar = context.team.robots[context.agent].lidar
+    return LatticePlanner(make_predictor(config.predictor, context), context.task, config, lidar)
 
 
 PRESETS: dict[str, Callable[[PlannerContext, MakePredictor], MetaPlanner]] = {"paper": paper, "best": best}

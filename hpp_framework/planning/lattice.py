@@ -19,7 +19,9 @@ from hpp_framework.errors import ConfigError
 from hpp_framework.planner import Belief, Imagination, MetaPlanner
 from hpp_framework.planning.inference import Evidence, GoalInference
 from hpp_framework.planning.response import as_one_gaussian, likeliest, moments, pair_rewards
+from hpp_framework.planning.shadows import in_shadow
 from hpp_framework.predictor import Predictor
+from hpp_framework.robot import Lidar
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task import Task
 from hpp_framework.types import Observation, Trajectories
@@ -41,6 +43,8 @@ class LatticeConfig:
         terminal: share of the score that is the reward at the horizon; the rest is its mean over time.
         doubt: how much a metre of the predictions' standard deviation costs (in units of reward); 0 ignores
             doubt, as do predictors that have none.
+        shadow: what a goal costs that lies right behind something seen (in units of reward); 0 ignores it.
+        shadow_depth: how far behind, metres.
         evidence: weight of the evidence of motion against the reward; 0 switches inference off.
         surprise: standard deviation of positions around a correct prediction, metres.
         memory: share of the evidence that survives from one plan to the next.
@@ -60,6 +64,8 @@ class LatticeConfig:
     keep: float = 0.4
     terminal: float = 0.4
     doubt: float = 0.3
+    shadow: float = 0.5
+    shadow_depth: float = 2.5
     evidence: float = 0.3
     surprise: float = 0.15
     memory: float = 0.7
@@ -72,10 +78,10 @@ class LatticeConfig:
         for name in ("horizon", "plan_every", "hypotheses"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"lattice: {name} must be at least 1, got {getattr(self, name)}.")
-        for name in ("spacing", "reach", "surprise", "temperature"):
+        for name in ("spacing", "reach", "surprise", "temperature", "shadow_depth"):
             if not 0 < getattr(self, name) < math.inf:
                 raise ConfigError(f"lattice: {name} must be positive, got {getattr(self, name)}.")
-        for name in ("keep", "evidence", "doubt"):
+        for name in ("keep", "evidence", "doubt", "shadow"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ConfigError(f"lattice: {name} must be 0 or more, got {getattr(self, name)}.")
         for name in ("memory", "terminal"):
@@ -97,9 +103,13 @@ class LatticePlanner(MetaPlanner):
         predictor: the agent's motion models.
         task: the shared objective.
         config: parameters.
+        lidar: of the agent, to tell what lies in shadow; None ignores shadows.
     """
 
-    def __init__(self, predictor: Predictor, task: Task, config: LatticeConfig) -> None:
+    def __init__(
+        self, predictor: Predictor, task: Task, config: LatticeConfig, lidar: Lidar | None = None
+    ) -> None:
+        self.lidar = lidar
         self.predictor = predictor
         self.task = task
         self.config = config
@@ -123,7 +133,8 @@ class LatticePlanner(MetaPlanner):
         imagined = self.predictor.rollout(observation, goals, self.config.horizon)
         before = belief.evidence if isinstance(belief, LatticeBelief) else None
         likelihood = self.inference.weigh(before, observation.team_poses[..., :2], goals)
-        scores = self._scores(imagined, likelihood, goals, observation.agent)
+        costs = self._costs(observation, goals, imagined)
+        scores = self._scores(imagined, likelihood, goals, costs, observation.agent)
         choice = scores.argmax(1)
         if belief is not None:
             wavering = scores.amax(1) <= scores[:, 0] + self.config.keep
@@ -138,10 +149,11 @@ class LatticePlanner(MetaPlanner):
         imagined: Trajectories,
         likelihood: Float[Tensor, "b g n"],
         goals: Float[Tensor, "b g 2"],
+        costs: Float[Tensor, "b g"],
         agent: int,
     ) -> Float[Tensor, "b g"]:
         config = self.config
-        hoped = self._over_time(self.task.reward(imagined.poses), imagined)
+        hoped = self._over_time(self.task.reward(imagined.poses)) - costs
         if not config.respond:
             return hoped + config.evidence * likelihood.sum(-1)
         theirs = torch.arange(likelihood.shape[-1]) != agent
@@ -149,15 +161,24 @@ class LatticePlanner(MetaPlanner):
         if not config.mixture:
             logits = as_one_gaussian(logits, goals)
         others, chosen = likeliest(logits, config.hypotheses)
-        return self._over_time(pair_rewards(self.task, imagined, agent, others, chosen), imagined)
+        return self._over_time(pair_rewards(self.task, imagined, agent, others, chosen)) - costs
 
-    def _over_time(self, reward: Float[Tensor, "b g t"], imagined: Trajectories) -> Float[Tensor, "b g"]:
-        """Return one score for the rewards along a trajectory, less what its doubt costs."""
+    def _over_time(self, reward: Float[Tensor, "b g t"]) -> Float[Tensor, "b g"]:
+        """Return one score for the rewards along a trajectory."""
         terminal = self.config.terminal
-        score = (1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]
-        if self.config.doubt and imagined.std is not None:
-            score = score - self.config.doubt * imagined.std.mean((-1, -2))
-        return score
+        return (1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]
+
+    def _costs(
+        self, observation: Observation, goals: Float[Tensor, "b g 2"], imagined: Trajectories
+    ) -> Float[Tensor, "b g"]:
+        """Return what speaks against goals whatever they promise: doubt, and lying in shadow."""
+        config = self.config
+        costs = torch.zeros_like(goals[..., 0])
+        if config.doubt and imagined.std is not None:
+            costs += config.doubt * imagined.std.mean((-1, -2))
+        if config.shadow and self.lidar is not None:
+            costs += config.shadow * in_shadow(observation, self.lidar, goals, config.shadow_depth)
+        return costs
 
     def candidates(self, observation: Observation) -> Float[Tensor, "b g 2"]:
         """Return the lattice points nearest to the team's midpoint; the same set whoever looks."""
