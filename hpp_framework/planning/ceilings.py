@@ -34,8 +34,8 @@ simulated plan does not turn out wrong."""
 NOBODY_TO_GUESS: Mapping[str, Mapping[str, Any]] = {
     "best": {"respond": False, "evidence": 0.0, "shadow": 0.0}
 }
-"""Settings by preset that switch off the guessing of others' goals and surroundings: where all is shared there
-is nothing to guess, and a goal is scored as what it is, a goal of all."""
+"""Settings by preset that switch off the guessing of others' goals and surroundings: where all is shared
+there is nothing to guess, and a goal is scored as what it is, a goal of all."""
 
 MakePrivileged = Callable[[str, PlannerContext], PrivilegedPredictor]
 """Builds what answers in place of the predictor of a registered name."""
