@@ -225,7 +225,8 @@ def test_random_point_is_shared_and_fixed(team, sensed):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("spacing", 0.0), ("reach", -1.0), ("surprise", 0.0), ("temperature", 0.0), ("spacing", float("nan")), ("shadow", -1.0), ("shadow_depth", 0.0),
+        ("spacing", 0.0), ("reach", -1.0), ("surprise", 0.0), ("temperature", 0.0), ("spacing", float("nan")),
+        ("shadow", -1.0), ("shadow_depth", 0.0),
         ("horizon", 0), ("plan_every", 0), ("memory", 1.1), ("memory", -0.1), ("keep", -0.1),
         ("evidence", -1.0), ("reach", float("inf")), ("terminal", 1.1), ("doubt", -0.1), ("hypotheses", 0),
     ],
