@@ -29,7 +29,7 @@ from hpp_framework.team import parse_team
 from hpp_framework.types import Observation
 
 FORMS = [delta_pose_lidar.FORM, pose_lidar.FORM, delta_general_pose_lidar.FORM]
-TINY = Collection(trajectories=60, chunk=20, steps=70, worlds=2, seed=4)
+TINY = Collection(trajectories=60, chunk=20, steps=85, worlds=2, seed=4)
 
 
 @pytest.fixture(scope="module")
