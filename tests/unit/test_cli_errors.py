@@ -50,7 +50,7 @@ MISTAKES = [
     ("train skill p3p --robot fetch", ["'p2p'"]),
     ("train skill p2p --robot fletch", ["'fetch'"]),
     ("train skill p2p --robot fetch --steps 0", ["--steps must be at least 1"]),
-    ("train predictor delta --data {empty}", ["'delta-pose-lidar'"]),
+    ("train predictor delta-pose --data {empty}", ["'delta-pose-lidar'"]),
     ("train predictor delta-pose-lidar --data {empty}", ["not a data set", "hpp collect"]),
     ("fly", ["fly"]),
     ("run --wrold wall", ["--wrold"]),

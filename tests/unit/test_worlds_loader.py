@@ -29,7 +29,9 @@ def write(folder: Path, text: str, name: str = "room.yaml") -> Path:
 
 
 def documented_examples() -> list[str]:
-    return re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "worlds.md").read_text(), re.DOTALL)
+    """Return the complete examples; those indented within a list of steps are parts of it."""
+    page = (ROOT / "docs" / "worlds.md").read_text()
+    return re.findall(r"^```yaml\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
 
 
 def test_complete_example_of_the_documentation_loads(tmp_path, team):
