@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
+from hpp_framework import geometry
 from hpp_framework.errors import ConfigError
-from hpp_framework.robot import RobotSpec
+from hpp_framework.robot import Lidar, RobotSpec
 from hpp_framework.types import Keyframes, Observation, State
 
 HISTORY = 5
@@ -175,3 +176,24 @@ class Sensing:
 def _push(entries: Tensor, newest: Tensor) -> Tensor:
     """Return entries (b, h, ...) without the oldest and with a new one."""
     return torch.cat([entries[:, 1:], newest[:, None]], 1)
+
+
+def glimpses(
+    team_poses: Float[Tensor, "b n 3"], scan: Float[Tensor, "b k"], earlier: Keyframes | None
+) -> Keyframes:
+    """Return what an agent remembers and what it sees now, as one.
+
+    Args:
+        team_poses: everybody's present poses.
+        scan: its present scan.
+        earlier: its keyframes, None for nothing.
+    """
+    now = Keyframes(team_poses[:, None], scan[:, None])
+    if earlier is None:
+        return now
+    return Keyframes(torch.cat([earlier.poses, now.poses], 1), torch.cat([earlier.scans, now.scans], 1))
+
+
+def lidar_poses(lidar: Lidar, poses: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
+    """Return where the lidar is for poses of its robot, world frame."""
+    return geometry.compose(poses, poses.new_tensor(lidar.mount).expand_as(poses))

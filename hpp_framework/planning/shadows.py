@@ -12,6 +12,7 @@ from torch import Tensor
 
 from hpp_framework import geometry
 from hpp_framework.robot import Lidar
+from hpp_framework.sensing import glimpses, lidar_poses
 from hpp_framework.types import Observation
 
 SLACK = 0.3
@@ -33,12 +34,9 @@ def in_shadow(
         goals: world coordinates, metres.
         depth: of the shadows, metres.
     """
-    poses, scans = observation.team_poses[:, None], observation.scan[:, None]
-    if observation.keyframes is not None:
-        poses = torch.cat([observation.keyframes.poses, poses], 1)
-        scans = torch.cat([observation.keyframes.scans, scans], 1)
-    own = poses[:, :, observation.agent]
-    eyes = geometry.compose(own, own.new_tensor(lidar.mount).expand_as(own))
+    seen_from = glimpses(observation.team_poses, observation.scan, observation.keyframes)
+    poses, scans = seen_from.poses, seen_from.scans
+    eyes = lidar_poses(lidar, poses[:, :, observation.agent])
     towards = goals[:, None] - eyes[:, :, None, :2]
     distance = towards.norm(dim=-1)
     bearing = geometry.wrap_angle(torch.atan2(towards[..., 1], towards[..., 0]) - eyes[:, :, None, 2])

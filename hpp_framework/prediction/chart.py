@@ -13,10 +13,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework import geometry
 from hpp_framework.kernels import wp
 from hpp_framework.prediction import chart_kernels
 from hpp_framework.robot import Lidar
+from hpp_framework.sensing import glimpses, lidar_poses
 from hpp_framework.types import Keyframes
 
 RESOLUTION = 0.25
@@ -84,11 +84,10 @@ def draw_chart(
         subjects: positions from which ways begin, world frame, metres.
         radii: of the subjects' footprints, metres.
     """
-    poses, scans = team_poses[:, None], scan[:, None]
-    if keyframes is not None:
-        poses, scans = torch.cat([keyframes.poses, poses], 1), torch.cat([keyframes.scans, scans], 1)
+    seen_from = glimpses(team_poses, scan, keyframes)
+    poses, scans = seen_from.poses, seen_from.scans
     own = poses[:, :, agent]
-    eyes = geometry.compose(own, own.new_tensor(lidar.mount).expand_as(own))
+    eyes = lidar_poses(lidar, own)
     angles = torch.from_numpy(lidar.angles()).to(own)
     beams = torch.stack([angles.cos(), angles.sin(), torch.zeros_like(angles)], -1)[None]
     origins = team_poses[..., :2].mean(1) - RESOLUTION * CELLS / 2
