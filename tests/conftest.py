@@ -129,3 +129,23 @@ def tiny_training(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train, "Recipe", partial(Recipe, rooms=rooms))
     monkeypatch.setattr(train, "JUDGED", {"training": {"episodes": 1, "steps": 2}})
     monkeypatch.setattr(train, "Trial", partial(Trial, episodes=1, steps=2))
+
+
+@pytest.fixture
+def refused(tmp_path, monkeypatch, capsys):
+    """Run a command in an empty folder; it must say what is expected, end with 2 and write nothing."""
+    from hpp_framework.cli.main import main
+
+    def run(command, expected):
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(SystemExit) as stop:
+            main(command.split())
+        captured = capsys.readouterr()
+        message = " ".join((captured.err + captured.out).split())
+        assert stop.value.code == 2
+        assert "Traceback" not in message
+        for part in expected:
+            assert part in message
+        assert not list(Path().iterdir())
+
+    return run
