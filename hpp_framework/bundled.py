@@ -54,6 +54,11 @@ def register(hub: Hub) -> None:
     hub.planners.add(
         "centralized-rp", f"{planning}.heuristics:random_point", summary="everybody to one random point"
     )
+    for name, rule, summary in (
+        ("rrt-mp", "midpoint", "an RRT path to the midpoint (presets: paper, best)"),
+        ("rrt-oa", "other", "an RRT path to another agent (presets: paper, best)"),
+    ):
+        hub.planners.add(name, f"{planning}.rrt_planner:{rule}", summary=summary)
     for name, summary in (
         ("full-communication", "a ceiling: one hpp for all, each robot predicted by itself"),
         ("perfect-model", "a ceiling: one hpp for all, and the simulator predicts"),

@@ -4,6 +4,10 @@ The loop that calls one (every ``plan_every`` control steps, for all episodes at
 
     planner = hub().planners.create("hpp", context)
     goal, belief = planner.plan(observation, belief, rng)
+
+and in the control steps between::
+
+    goal, belief = planner.follow(observation, goal, belief)
 """
 
 from __future__ import annotations
@@ -55,6 +59,11 @@ class Belief:
     imagination: Imagination | None = None
 
 
+def certain(goal: Float[Tensor, "b 2"]) -> Belief:
+    """Return the belief of a planner that has no doubt."""
+    return Belief(goal=goal, mean=goal, std=torch.zeros_like(goal))
+
+
 PRESETS = ("paper", "best")
 """Presets that commands offer; planners without presets ignore them."""
 
@@ -81,6 +90,19 @@ class MetaPlanner(ABC):
             belief: what the last call returned, None at the start of an episode.
             rng: the agent's own source of randomness.
         """
+
+    def follow(
+        self, observation: Observation, goal: Float[Tensor, "b 2"], belief: Belief
+    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+        """Return the goal for a control step between two plans; planners of paths move it along the path.
+
+        Args:
+            observation: of the planning agent; nothing else may be read.
+            goal: of the step before.
+            belief: what the last call left.
+        """
+        del observation
+        return goal, belief
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ from hpp_framework.worlds.spawn import spawn_poses
 
 CASES = [
     ("hpp", "paper"), ("hpp", "best"), ("centralized-mp", "best"), ("centralized-oa", "best"),
-    ("centralized-rp", "best"),
+    ("centralized-rp", "best"), ("rrt-mp", "paper"), ("rrt-mp", "best"), ("rrt-oa", "best"),
 ]  # fmt: skip
 
 
@@ -93,7 +93,8 @@ def test_repeatable_and_finite(team, sensed, name, preset):
 
 
 @pytest.mark.parametrize(
-    ("name", "preset"), [c for c in CASES if c[1] != "paper" and c[0] != "centralized-rp"]
+    ("name", "preset"),
+    [c for c in CASES if c[1] != "paper" and c[0] != "centralized-rp" and not c[0].startswith("rrt-")],
 )
 def test_batched_equals_looped(team, sensed, name, preset):
     """Planners without randomness: each episode of a batch gets the plan it would get alone."""

@@ -1,0 +1,158 @@
+"""What a robot that plans paths knows of free space: what its lidar saw in the last seconds, on a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from hpp_framework.robot import Lidar
+from hpp_framework.sensing import glimpses, lidar_poses
+from hpp_framework.types import Observation
+from hpp_framework.worlds.occupancy import FreeSpace
+
+RESOLUTION = 0.1
+"""Metres a cell of a map made of lidar."""
+REACH = 8.0
+"""How far such a map reaches beyond the team, metres."""
+BODY = 0.45
+"""Points nearer than this to the middle of another robot are on it, in metres."""
+STRIDE = 0.05
+"""Metres between two points of a straight line that are looked up."""
+
+Points = npt.NDArray[np.floating]
+Bounds = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where the middle of a disc can be.
+
+    Attributes:
+        free: (rows, columns) whether the disc fits there; row 0 has the lowest y.
+        origin: (x, y) of the corner of cell (0, 0), metres.
+        resolution: metres a cell.
+    """
+
+    free: npt.NDArray[np.bool_]
+    origin: tuple[float, float]
+    resolution: float
+
+    def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the lowest and the highest (x, y) that have a cell."""
+        rows, columns = self.free.shape
+        x, y = self.origin
+        # a hair inside: what lies on the far edge would be in the next cell
+        far = self.resolution * (1 - 1e-6)
+        return (x, y), (x + columns * far, y + rows * far)
+
+    def fits(self, points: Points) -> npt.NDArray[np.bool_]:
+        """Return whether the disc fits at points (..., 2); it does not outside."""
+        cells = np.floor((points - np.array(self.origin)) / self.resolution).astype(np.int64)
+        rows, columns = self.free.shape
+        column, row = cells[..., 0], cells[..., 1]
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        return np.asarray(inside & self.free[row.clip(0, rows - 1), column.clip(0, columns - 1)])
+
+    def passes(self, starts: Points, ends: Points) -> npt.NDArray[np.bool_]:
+        """Return whether the disc can go straight from points (..., 2) to others."""
+        longest = float(np.linalg.norm(ends - starts, axis=-1).max(initial=0.0))
+        shares = np.linspace(0, 1, int(np.ceil(longest / STRIDE)) + 2)
+        between = starts[..., None, :] + shares[:, None] * (ends - starts)[..., None, :]
+        return np.asarray(self.fits(between).all(-1))
+
+    def around(self, point: Points) -> Room:
+        """Return what can be reached from a place where the disc fits."""
+        _, labels = cv2.connectedComponents(self.free.view(np.uint8), connectivity=4)
+        column, row = np.floor((point - np.array(self.origin)) / self.resolution).astype(int)
+        return Room(np.asarray(labels == labels[row, column]), self.origin, self.resolution)
+
+    def nearest(self, point: Points) -> Points | None:
+        """Return a place where the disc fits: the point itself, else the nearest; None if there is none."""
+        if bool(self.fits(point)):
+            return point
+        rows, columns = np.nonzero(self.free)
+        if not len(rows):
+            return None
+        places = np.stack([columns + 0.5, rows + 0.5], -1) * self.resolution + np.array(self.origin)
+        return places[np.square(places - point).sum(-1).argmin()]
+
+
+def room_for(space: FreeSpace, clearance: float) -> Room:
+    """Return where the middle of a disc of this radius can be."""
+    return Room(space.distance > clearance, space.origin, space.resolution)
+
+
+def seen_spaces(observation: Observation, lidar: Lidar, bounds: Bounds) -> list[FreeSpace]:
+    """Map what a robot saw now and in its keyframes, an episode each; what it did not see counts as free.
+
+    Points on other robots are left out, as they will not stay where they are.
+
+    Args:
+        observation: of the robot.
+        lidar: of the robot.
+        bounds: of the world (x_min, y_min, x_max, y_max), metres; maps end there, or 8 m beyond the team.
+    """
+    points, real = seen_points(observation, lidar)
+    team = observation.team_poses[..., :2].double().cpu().numpy()
+    return [
+        _rasterise(seen[kept], *_limits(robots, bounds))
+        for seen, kept, robots in zip(points.cpu().numpy(), real.cpu().numpy(), team, strict=True)
+    ]
+
+
+def seen_points(observation: Observation, lidar: Lidar) -> tuple[Float[Tensor, "b q 2"], Bool[Tensor, "b q"]]:
+    """Return the ends of all beams, world frame in metres, and which of them lie on things that stand still.
+
+    Args:
+        observation: of a robot; its keyframes count too.
+        lidar: of the robot.
+    """
+    seen_from = glimpses(observation.team_poses, observation.scan, observation.keyframes)
+    poses, scans = seen_from.poses, seen_from.scans
+    eyes = lidar_poses(lidar, poses[:, :, observation.agent])
+    bearing = eyes[..., 2:] + torch.from_numpy(lidar.angles()).to(eyes)
+    ends = eyes[:, :, None, :2] + scans[..., None] * torch.stack([bearing.cos(), bearing.sin()], -1)
+    hit = scans < lidar.max_range - 0.01
+    for robot in range(poses.shape[2]):
+        if robot != observation.agent:
+            hit &= (ends - poses[:, :, robot, None, :2]).norm(dim=-1) >= BODY
+    return ends.flatten(1, 2), hit.flatten(1, 2)
+
+
+def _limits(robots: Points, bounds: Bounds) -> tuple[Points, Points]:
+    """Return the lowest and the highest corner of a map that holds everybody."""
+    low = np.maximum(robots.min(0) - REACH, bounds[:2])
+    high = np.minimum(robots.max(0) + REACH, bounds[2:])
+    return np.minimum(low, robots.min(0) - 1), np.maximum(high, robots.max(0) + 1)
+
+
+def _rasterise(points: Points, low: Points, high: Points) -> FreeSpace:
+    shape = np.ceil((high - low) / RESOLUTION).astype(int)
+    cells = np.floor((points - low) / RESOLUTION).astype(int)
+    column, row = cells[((cells >= 0) & (cells < shape)).all(-1)].T
+    open_cells = np.ones((shape[1], shape[0]), np.uint8)
+    open_cells[row, column] = 0
+    # distances are endless where nothing was seen
+    distance = cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * RESOLUTION
+    return FreeSpace(np.asarray(distance, np.float32), (float(low[0]), float(low[1])), RESOLUTION)
+
+
+def resampled(path: Points, spacing: float) -> npt.NDArray[np.float64]:
+    """Return points (s, 2) along a path (p, 2) at equal distances, both ends included."""
+    edges = np.linalg.norm(np.diff(path, axis=0), axis=-1)
+    lengths = np.concatenate([[0.0], edges.cumsum()])
+    along = np.append(np.arange(0, lengths[-1], spacing), lengths[-1])
+    return np.stack([np.interp(along, lengths, path[:, axis]) for axis in (0, 1)], -1)
+
+
+def padded(paths: Sequence[Points]) -> Points:
+    """Return paths as one array (b, s, 2); shorter ones stay at their end."""
+    longest = max(len(path) for path in paths)
+    return np.stack([np.pad(path, ((0, longest - len(path)), (0, 0)), mode="edge") for path in paths])

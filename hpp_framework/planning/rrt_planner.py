@@ -1,0 +1,225 @@
+"""The paper's RRT baselines (section 5): a rule or CEM sets the goal, an RRT path leads there.
+
+Every ``plan_every`` steps a new tree finds a path through what the robot has seen; in between the goal of its
+skill moves along the path, ``look_ahead`` metres ahead of the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from hpp_framework.errors import ConfigError, unknown_name
+from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
+from hpp_framework.planning.heuristics import CentralizedMidpoint, CentralizedOther
+from hpp_framework.planning.rrt import TreeConfig, find_path, require_ompl
+from hpp_framework.planning.rrt_map import padded, resampled, room_for, seen_spaces
+from hpp_framework.privileged import PrivilegedPlanner, Truth
+from hpp_framework.robot import RobotSpec
+from hpp_framework.settings import altered
+from hpp_framework.types import Observation
+from hpp_framework.worlds.occupancy import FreeSpace, free_space
+
+SPACING = 0.1
+"""Metres between the points of a path that way-points are taken from."""
+PROGRESS = 2.0
+"""Metres of its path that a robot may be found to have gone in one control step."""
+MOST_SEEDS = 2**31 - 1
+
+Points = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RrtConfig:
+    """How a robot finds and follows paths.
+
+    Attributes:
+        plan_every: control steps between plans; the paper's 40.
+        known_map: whether the true map is known, instead of what the robot's lidar saw.
+        margin: gap between footprint and obstacles that paths keep, metres.
+        snap: whether a goal where the robot does not fit, or that nothing leads to, moves to the nearest
+            place that can be reached; else there is no path.
+        look_ahead: distance along the path at which the skill's goal lies ahead of the robot, metres.
+        tree: how trees grow.
+    """
+
+    plan_every: int = 40
+    known_map: bool = False
+    margin: float = 0.1
+    snap: bool = True
+    look_ahead: float = 2.0
+    tree: TreeConfig = TreeConfig()
+
+    def __post_init__(self) -> None:
+        if self.plan_every < 1 or not self.margin >= 0 or not self.look_ahead > 0:
+            raise ConfigError(f"RRT needs plan_every >= 1, margin >= 0 and look_ahead > 0, got {self}.")
+
+
+@dataclass(frozen=True)
+class RrtBelief(Belief):
+    """Adds the path that is followed.
+
+    Attributes:
+        path: points ``SPACING`` apart, world frame, metres; shorter paths stay at their end.
+        progress: index of the point that the robot has come to.
+    """
+
+    path: Float[Tensor, "b s 2"] = field(kw_only=True)
+    progress: Int[Tensor, "b"] = field(kw_only=True)
+
+
+class RrtPlanner(MetaPlanner):
+    """Goes where another planner says, along paths through what the robot has seen.
+
+    Where there is no path the robot keeps its old one; without one its goal is the goal itself.
+
+    Args:
+        destination: says where to go.
+        context: what a planner is told.
+        config: parameters.
+    """
+
+    def __init__(self, destination: MetaPlanner, context: PlannerContext, config: RrtConfig) -> None:
+        require_ompl()
+        self.destination = destination
+        self.robot: RobotSpec = context.team.robots[context.agent]
+        self.bounds = context.bounds
+        self.config = config
+        self.plan_every = config.plan_every
+
+    @torch.no_grad()
+    def plan(
+        self, observation: Observation, belief: Belief | None, rng: torch.Generator
+    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+        """Return the first way-point of a new path."""
+        seeds = torch.randint(1, MOST_SEEDS, (len(observation.poses),), generator=rng).tolist()
+        spaces = self.spaces(observation)
+        goals, chosen = self.destination.plan(observation, None, rng)
+        starts, ends = (part.double().cpu().numpy() for part in (observation.pose[:, :2], goals))
+        routes = [self.route(*problem) for problem in zip(spaces, starts, ends, seeds, strict=True)]
+        old = belief if isinstance(belief, RrtBelief) else None
+        path = padded(
+            [
+                _instead(old, row, ends[row]) if route is None else resampled(route, SPACING)
+                for row, route in enumerate(routes)
+            ]
+        )
+        renewed = RrtBelief(
+            chosen.goal, chosen.mean, chosen.std, chosen.imagination,
+            path=torch.from_numpy(path).to(goals), progress=torch.zeros(len(path), dtype=torch.long),
+        )  # fmt: skip
+        return self.follow(observation, goals, renewed)
+
+    def follow(
+        self, observation: Observation, goal: Float[Tensor, "b 2"], belief: Belief
+    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+        """Return the point of the path that lies ahead of the robot by the look-ahead."""
+        if not isinstance(belief, RrtBelief):
+            return goal, belief
+        path, index = belief.path, torch.arange(belief.path.shape[1])
+        gone = index - belief.progress[:, None]
+        away = (path - observation.pose[:, None, :2]).norm(dim=-1)
+        progress = away.masked_fill((gone < 0) | (gone > PROGRESS / SPACING), torch.inf).argmin(1)
+        ahead = (progress + round(self.config.look_ahead / SPACING)).clamp(max=len(index) - 1)
+        return path[torch.arange(len(path)), ahead], replace(belief, progress=progress)
+
+    def spaces(self, observation: Observation) -> Sequence[FreeSpace]:
+        """Return what the robot knows of free space in each episode."""
+        return seen_spaces(observation, self.robot.lidar, self.bounds)
+
+    def route(self, space: FreeSpace, start: Points, goal: Points, seed: int) -> Points | None:
+        """Return a path (p, 2) in one episode from the start, or None if there is none.
+
+        A robot nearer to an obstacle than paths keep first leaves for the nearest place that is not.
+
+        Args:
+            space: what is known of free space.
+            start: where the robot is, metres.
+            goal: where it wants to go, metres.
+            seed: of the search, positive.
+        """
+        room = room_for(space, self.robot.footprint_radius + self.config.margin)
+        begin = room.nearest(start)
+        if begin is None:
+            return None
+        around = room.around(begin)
+        end = around.nearest(goal) if self.config.snap else goal
+        if end is None:
+            return None
+        if self.config.tree.simplify and bool(around.passes(begin, end)):
+            return np.stack([start, begin, end])
+        path = find_path(around, begin, end, self.config.tree, seed)
+        return None if path is None else np.concatenate([start[None], path])
+
+
+def _instead(old: RrtBelief | None, row: int, goal: Points) -> Points:
+    """Return what one episode's robot follows where no path was found: the rest of the old, or the goal."""
+    if old is None:
+        return goal[None]
+    return old.path[row, int(old.progress[row]) :].double().cpu().numpy()
+
+
+class MapKnowingPlanner(RrtPlanner, PrivilegedPlanner):
+    """The same with the true map, which only those can give who run the episodes."""
+
+    _truth: Truth | None = None
+    _known: dict[int, FreeSpace]
+
+    def witness(self, truth: Truth) -> None:
+        """Take note of the worlds."""
+        if self._truth is None or self._truth.worlds is not truth.worlds:
+            self._known = {}
+        self._truth = truth
+
+    def spaces(self, observation: Observation) -> Sequence[FreeSpace]:
+        """Return the true free space of each episode.
+
+        Raises:
+            ConfigError: if nobody showed the planner the truth.
+        """
+        if self._truth is None:
+            raise ConfigError(
+                "a planner with known_map=true needs the true map, which only `hpp evaluate` and `hpp run` "
+                "show it. Leave the setting out here."
+            )
+        for world in self._truth.worlds:
+            if id(world) not in self._known:
+                self._known[id(world)] = free_space(world, body_height=self.robot.height)
+        return [self._known[id(world)] for world in self._truth.worlds]
+
+
+PAPER = RrtConfig(snap=False, tree=TreeConfig(tries=1, simplify=False))
+"""Trees and paths as LaValle (1998) has them, and nothing that the paper does not tell of."""
+PRESETS = {"paper": PAPER, "best": RrtConfig()}
+
+
+def midpoint(context: PlannerContext) -> RrtPlanner:
+    """Build RRT+MP: along an RRT path to the midpoint of the team.
+
+    Raises:
+        ConfigError: if OMPL is not installed.
+    """
+    return _build("rrt-mp", CentralizedMidpoint(), context)
+
+
+def other(context: PlannerContext) -> RrtPlanner:
+    """Build RRT+OA: along an RRT path to another robot, the next one of the team where there are several.
+
+    Raises:
+        ConfigError: if OMPL is not installed.
+    """
+    return _build("rrt-oa", CentralizedOther(), context)
+
+
+def _build(name: str, destination: MetaPlanner, context: PlannerContext) -> RrtPlanner:
+    if context.preset not in PRESETS:
+        raise unknown_name("preset", context.preset, PRESETS)
+    owner = f"planner '{name}', preset '{context.preset}'"
+    config = altered(PRESETS[context.preset], context.settings, owner)
+    return (MapKnowingPlanner if config.known_map else RrtPlanner)(destination, context, config)
