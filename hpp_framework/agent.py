@@ -10,6 +10,7 @@ from torch import Tensor
 
 from hpp_framework.geometry import wrap_angle
 from hpp_framework.planner import Belief, MetaPlanner
+from hpp_framework.policy import Policy
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import torch_rng
 from hpp_framework.sim.simulator import CONTROL_PERIOD
@@ -79,14 +80,14 @@ class Agent:
     """Plans every ``plan_every`` steps, drives every step, rests when that fulfils the task.
 
     Args:
-        skill: drives towards the goal.
+        skill: drives towards the goal; a planner that is a policy drives itself.
         planner: chooses the goal.
         rest: decides when to stop; None never rests.
         rng: the agent's own randomness.
     """
 
     def __init__(self, skill: Skill, planner: MetaPlanner, rest: Rest | None, rng: torch.Generator) -> None:
-        self.skill = skill
+        self.skill = planner if isinstance(planner, Policy) else skill
         self.planner = planner
         self.rest = rest
         self.rng = rng

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from torch import Tensor
 
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.files import replacing
+from hpp_framework.registry import hub
 
 FORMAT = 1
 
@@ -87,6 +88,32 @@ def load_checkpoint(file: Path, expected: Mapping[str, Any]) -> tuple[dict[str, 
                 f"weights file '{file}' was made for {key} = {metadata.get(key)!r}, but {value!r} is needed."
             )
     return weights, metadata
+
+
+def weight_folders(extra: Sequence[Path]) -> list[Path]:
+    """Return where weights are searched, in this order: folders of one's own, then those of plugins."""
+    return [*extra, *(entry.factory()() for entry in hub().checkpoints)]
+
+
+def find_weights(folders: Sequence[Path], role: str, kind: str, name: str, remedy: str) -> Path:
+    """Return the first file of weights, ``KIND/NAME.safetensors`` in one of the folders.
+
+    Args:
+        folders: searched in this order.
+        role: what the weights are of, for the message, e.g. ``"predictor"``.
+        kind: registered name of that.
+        name: of the file.
+        remedy: how to make them.
+
+    Raises:
+        CheckpointError: if there is none.
+    """
+    for folder in folders:
+        file = folder / kind / f"{name}.safetensors"
+        if file.is_file():
+            return file
+    searched = ", ".join(f"'{folder / kind}'" for folder in folders) or "no folder"
+    raise CheckpointError(f"no weights '{name}.safetensors' of {role} '{kind}' found in {searched}. {remedy}")
 
 
 def load_into(module: torch.nn.Module, weights: Mapping[str, Tensor], file: Path) -> None:

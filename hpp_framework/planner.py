@@ -64,6 +64,11 @@ def certain(goal: Float[Tensor, "b 2"]) -> Belief:
     return Belief(goal=goal, mean=goal, std=torch.zeros_like(goal))
 
 
+def certain(goal: Float[Tensor, "b 2"]) -> Belief:
+    """Return the belief of a planner that has no doubt."""
+    return Belief(goal=goal, mean=goal, std=torch.zeros_like(goal))
+
+
 PRESETS = ("paper", "best")
 """Presets that commands offer; planners without presets ignore them."""
 

@@ -6,13 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
+from hpp_framework.planner import Belief, MetaPlanner, PlannerContext, certain
 from hpp_framework.types import Observation
-
-
-def certain(goal: Float[Tensor, "b 2"]) -> Belief:
-    """Return the belief of a planner that has no doubt."""
-    return Belief(goal=goal, mean=goal, std=torch.zeros_like(goal))
 
 
 class CentralizedMidpoint(MetaPlanner):

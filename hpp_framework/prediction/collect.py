@@ -28,7 +28,7 @@ from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.team import Team
 from hpp_framework.types import Observation, State
 from hpp_framework.workers import Report, run_tasks
-from hpp_framework.worlds.pool import WorldPool, build_pool
+from hpp_framework.worlds.pool import WorldPool, build_pool, draw_starts
 
 FORMAT = 1
 SCAN_UNIT = 0.001
@@ -228,7 +228,7 @@ def drive(
     rng = numpy_rng(config.seed, "collect", part)
     pool = build_pool(config.world, config.worlds, team.robots, seed=int(rng.integers(2**62)))
     world = rng.integers(len(pool), size=config.chunk)
-    starts = _starts(pool, world, len(team), config, rng)
+    starts = draw_starts(pool, world, len(team), config.start_distance, rng)
     goals = _goals(pool, world, starts, config, rng)
     simulator = BatchSimulator(team.robots, threads=1)
     simulator.load(pool.worlds, episodes=config.chunk)
@@ -259,25 +259,6 @@ def _simulate(team: Team, config: Collection, index: int) -> dict[str, npt.NDArr
         goals[:, moment.step] = moment.goals.numpy()
         world = moment.world.numpy() + index * config.worlds
     return {"poses": poses, "scans": scans, "goals": goals, "world": world}
-
-
-def _starts(
-    pool: WorldPool, world: npt.NDArray[np.int64], count: int, config: Collection, rng: np.random.Generator
-) -> Float[Tensor, "c n 3"]:
-    points = pool.points[world]
-    rows = np.arange(len(world))
-    chosen = [points[rows, rng.integers(points.shape[1], size=len(world))]]
-    low, high = config.start_distance
-    while len(chosen) < count:
-        candidates = points[rows[:, None], rng.integers(points.shape[1], size=(len(world), 64))]
-        gaps = np.linalg.norm(candidates[:, :, None] - np.stack(chosen, 1)[:, None], axis=-1)
-        suitable = (gaps.min(-1) >= low) & (gaps[:, :, 0] <= high)
-        # where no candidate suits, the one farthest from everybody
-        fallback = gaps.min(-1).argmax(1)
-        first = np.where(suitable.any(1), suitable.argmax(1), fallback)
-        chosen.append(candidates[rows, first])
-    heading = rng.uniform(-np.pi, np.pi, (len(world), count, 1))
-    return torch.from_numpy(np.concatenate([np.stack(chosen, 1), heading], -1).astype(np.float32))
 
 
 def _goals(

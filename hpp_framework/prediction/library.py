@@ -9,13 +9,14 @@ from typing import Any
 
 from torch import nn
 
-from hpp_framework.checkpoints import load_checkpoint, load_into
+from hpp_framework.checkpoints import find_weights, load_checkpoint, load_into, weight_folders
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.predictor import PredictorRequest
-from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sensing import HISTORY
 from hpp_framework.team import Member, Team
+
+REMEDY = "Train them: hpp collect, then hpp train predictor (see --help)."
 
 
 def file_name(agent: Member, subject: Member, *, own: bool) -> str:
@@ -91,11 +92,11 @@ def load_models(
         _check_folder(folder, kind)
     members = request.team.members
     agent = members[request.agent]
-    folders = _folders(request)
+    folders = weight_folders(request.folders)
     models: list[nn.Module] = []
     for index, subject in enumerate(members):
         own = index == request.agent
-        file = _find(folders, kind, file_name(agent, subject, own=own))
+        file = find_weights(folders, "predictor", kind, file_name(agent, subject, own=own), REMEDY)
         weights, _ = load_checkpoint(file, expected_metadata(kind, agent, subject, own=own))
         model = build(agent.robot)
         load_into(model, weights, file)
@@ -117,14 +118,9 @@ def find_cards(kind: str, request: PredictorRequest) -> dict[str, dict[str, Any]
     for index, subject in enumerate(request.team.members):
         name = file_name(agent, subject, own=index == request.agent)
         with suppress(CheckpointError):
-            file = _find(_folders(request), kind, name)
+            file = find_weights(weight_folders(request.folders), "predictor", kind, name, REMEDY)
             found[name] = load_checkpoint(file, {})[1]
     return found
-
-
-def _folders(request: PredictorRequest) -> list[Path]:
-    """Return where weights are searched, in this order."""
-    return [*request.folders, *(entry.factory()() for entry in hub().checkpoints)]
 
 
 def _check_folder(folder: Path, kind: str) -> None:
@@ -139,15 +135,3 @@ def _check_folder(folder: Path, kind: str) -> None:
             f"--weights '{folder}' has no weights of predictor '{kind}' ('{folder / kind}/*.safetensors'); "
             f"it has: {', '.join(kinds) or 'none'}. Give the --out of 'hpp train predictor {kind}'."
         )
-
-
-def _find(folders: list[Path], kind: str, name: str) -> Path:
-    for folder in folders:
-        file = folder / kind / f"{name}.safetensors"
-        if file.is_file():
-            return file
-    searched = ", ".join(f"'{folder / kind}'" for folder in folders) or "no folder"
-    raise CheckpointError(
-        f"no weights '{name}.safetensors' of predictor '{kind}' found in {searched}. Train them: "
-        "hpp collect, then hpp train predictor (see --help)."
-    )

@@ -10,6 +10,8 @@ from inspect import signature
 import numpy as np
 import numpy.typing as npt
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import numpy_rng
@@ -94,6 +96,39 @@ def build_practice_pool(
         torch.arange(size).repeat_interleave(goals),
     )
     return replace(pool, goals=goals, ways=ways)
+
+
+def draw_starts(
+    pool: WorldPool,
+    world: npt.NDArray[np.int64],
+    count: int,
+    distance: tuple[float, float],
+    rng: np.random.Generator,
+) -> Float[Tensor, "b n 3"]:
+    """Draw start poses among the points of a pool, headings random.
+
+    Args:
+        pool: worlds and points.
+        world: of each episode, as an index into the pool.
+        count: robots a team.
+        distance: nearest neighbour at least and first robot at most, in metres; where no point suits, the one
+            farthest from everybody is taken.
+        rng: source of randomness.
+    """
+    points = pool.points[world]
+    rows = np.arange(len(world))
+    chosen = [points[rows, rng.integers(points.shape[1], size=len(world))]]
+    low, high = distance
+    while len(chosen) < count:
+        candidates = points[rows[:, None], rng.integers(points.shape[1], size=(len(world), 64))]
+        gaps = np.linalg.norm(candidates[:, :, None] - np.stack(chosen, 1)[:, None], axis=-1)
+        suitable = (gaps.min(-1) >= low) & (gaps[:, :, 0] <= high)
+        # where no candidate suits, the one farthest from everybody
+        fallback = gaps.min(-1).argmax(1)
+        first = np.where(suitable.any(1), suitable.argmax(1), fallback)
+        chosen.append(candidates[rows, first])
+    heading = rng.uniform(-np.pi, np.pi, (len(world), count, 1))
+    return torch.from_numpy(np.concatenate([np.stack(chosen, 1), heading], -1).astype(np.float32))
 
 
 def _pool(
