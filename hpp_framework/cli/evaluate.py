@@ -11,7 +11,12 @@ from rich.console import Console
 
 from hpp_framework.cli.evaluate_predictor import EvaluatePredictor
 from hpp_framework.cli.evaluate_skill import EvaluateSkill
-from hpp_framework.cli.evaluate_tables import blame_table, comparison_table, summary_table
+from hpp_framework.cli.evaluate_tables import (
+    aggregate_table,
+    blame_table,
+    comparison_table,
+    summary_table,
+)
 from hpp_framework.cli.options import Noise, Pairs, names, to_experiment
 from hpp_framework.cli.progress import cell_bars
 from hpp_framework.errors import ConfigError
@@ -23,8 +28,8 @@ TABLE_WIDTH = 120
 class Evaluate:
     """Run many episodes of each planner in each world and report success with 95 % intervals.
 
-    Writes episodes.csv (a row an episode), summary.json and config.json into --out. Interrupted runs
-    resume: repeat the same command.
+    Writes episodes.csv (a row an episode), summary.json, marl_eval.json (the same episodes for marl-eval) and
+    config.json into --out. Interrupted runs resume: repeat the same command.
     """
 
     worlds: str = "simple,wall,navigation"
@@ -70,6 +75,7 @@ class Evaluate:
             self.judge.run()
             return
         from hpp_framework.evaluation.experiment import run_experiment
+        from hpp_framework.evaluation.summary import ALL
 
         experiment = to_experiment(
             self,
@@ -82,6 +88,8 @@ class Evaluate:
             summary = run_experiment(experiment, self.out, progress=report)
         console = Console(width=TABLE_WIDTH)
         console.print(summary_table(summary["cells"]))
+        if together := [row for row in summary["aggregates"] if row["world"] == ALL]:
+            console.print(aggregate_table(together))
         if summary["comparisons"]:
             console.print(comparison_table(summary["comparisons"]))
         if summary["blame"]:

@@ -31,15 +31,27 @@ _CELLS = (
 )  # fmt: skip
 
 
+def aggregate_table(aggregates: Sequence[Row]) -> Table:
+    """Return how planners fare over all worlds."""
+    table = _table("world", "planner", right=("RPL IQM", "95 %", "RPL gap", "95 %"))
+    for row in aggregates:
+        table.add_row(
+            escape(row["world"]), escape(row["planner"]),
+            *_estimate(row["rpl_iqm"]), *_estimate(row["optimality_gap"]),
+        )  # fmt: skip
+    return table
+
+
 def comparison_table(comparisons: Sequence[Row]) -> Table:
     """Return how the first planner compares with each other one."""
     first = comparisons[0]["planner"]
-    table = _table("world", f"{first} against", right=("success", "95 %", "better", "95 % ", "time"))
+    right = ("success", "95 %", "p", "better", "95 %", "time", "p")
+    table = _table("world", f"{first} against", right=right)
     for row in comparisons:
         table.add_row(
             escape(row["world"]), escape(row["against"]),
-            *_estimate(row["success_difference"], sign=True), *_estimate(row["improvement"]),
-            _number(row["time_ratio_median"], 2),
+            *_estimate(row["success_difference"], sign=True), _p_value(row["success_p"]),
+            *_estimate(row["improvement"]), _number(row["time_ratio_median"], 2), _p_value(row["time_p"]),
         )  # fmt: skip
     return table
 
@@ -47,7 +59,7 @@ def comparison_table(comparisons: Sequence[Row]) -> Table:
 def blame_table(blame: Sequence[Row]) -> Table:
     """Return where success was lost."""
     parts = ("silence", "predictor", "skill")
-    table = _table("world", right=("success", *[title for part in parts for title in (part, f"95 % {part}")]))
+    table = _table("world", right=("success", *[title for part in parts for title in (part, "95 %")]))
     for row in blame:
         lost = [text for part in parts for text in _estimate(row[part], sign=part != "skill")]
         table.add_row(escape(row["world"]), f"{row['success']:.2f}", *lost)
@@ -59,8 +71,7 @@ def _table(*left: str, right: Sequence[str]) -> Table:
     for column in left:
         table.add_column(escape(column))
     for column in right:
-        table.add_column("95 %" if column.startswith("95 % ") and "interval" not in column else column,
-                         justify="right")  # fmt: skip
+        table.add_column(column, justify="right")
     return table
 
 
@@ -68,6 +79,12 @@ def _number(value: float | None, digits: int, *, sign: bool = False) -> str:
     return "-" if value is None else f"{value:{'+' if sign else ''}.{digits}f}"
 
 
-def _estimate(estimate: Sequence[float], *, sign: bool = False) -> tuple[str, str]:
+def _p_value(value: float | None) -> str:
+    return "<0.001" if value is not None and value < 0.001 else _number(value, 3)
+
+
+def _estimate(estimate: Sequence[float] | None, *, sign: bool = False) -> tuple[str, str]:
+    if estimate is None:
+        return "-", "-"
     value, low, high = (_number(each, 2, sign=sign) for each in estimate)
     return value, f"{low} .. {high}"

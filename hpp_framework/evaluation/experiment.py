@@ -18,6 +18,7 @@ import torch
 from hpp_framework.agent import Agent
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.marl_eval import marl_eval_layout
 from hpp_framework.evaluation.meeting import meeting_bounds
 from hpp_framework.evaluation.planners import parameters, parse_planner
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
@@ -171,7 +172,7 @@ def make_agents(
 
 
 def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = lambda *_: None) -> Summary:
-    """Run what is not yet in ``out`` and return the summary, also written to ``summary.json``.
+    """Run what is not yet in ``out`` and return the summary, which is also written to ``summary.json``.
 
     Args:
         experiment: what to compare.
@@ -192,14 +193,14 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
         for planner in experiment.planners:
             cell = _Cell(experiment, world, planner, factories[world], bounds)
             rows = _run_cell(cell, rows, file, progress)
-    summary = summarise(
-        Results(
-            worlds=experiment.worlds, planners=experiment.planners, preset=experiment.preset,
-            rows=[row for row in rows if row.episode < experiment.episodes],
-            about={"team": experiment.team, "backend": experiment.backend, "seed": experiment.seed},
-        )
+    results = Results(
+        worlds=experiment.worlds, planners=experiment.planners, preset=experiment.preset,
+        rows=[row for row in rows if row.episode < experiment.episodes],
+        about={"team": experiment.team, "backend": experiment.backend, "seed": experiment.seed},
     )  # fmt: skip
+    summary = summarise(results)
     (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
+    (out / folder.MARL_EVAL).write_text(json.dumps(marl_eval_layout(results, experiment.task)) + "\n")
     return summary
 
 

@@ -19,6 +19,7 @@ from hpp_framework.versions import installed
 from hpp_framework.worlds.loader import SUFFIXES, load_world
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"
+MARL_EVAL = "marl_eval.json"
 RUN, EVALUATE = "run", "evaluate"
 
 PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "scipy")

@@ -10,17 +10,32 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hpp_framework.evaluation.bootstrap import (
+    improvement,
+    interquartile_mean,
+    optimality_gap,
+    performance_profile,
+)
 from hpp_framework.evaluation.planners import parse_planner
 from hpp_framework.evaluation.rows import EpisodeRow
-from hpp_framework.evaluation.statistics import Estimate, improvement, paired_difference, rate
+from hpp_framework.evaluation.statistics import (
+    Estimate,
+    mcnemar_p,
+    paired_difference,
+    rate,
+    signed_rank_p,
+)
 from hpp_framework.seeding import numpy_rng
 
 ALL = "all"
 """Name of all worlds together."""
 PLANNER, TWIN, PERFECT = "hpp", "full-communication", "perfect-model"
 
+THRESHOLDS = np.linspace(0, 0.95, 20)
+"""Of RPL, for performance profiles: 0 counts every success."""
+
 Summary = dict[str, list[dict[str, Any]]]
-"""``cells``, ``comparisons`` and ``blame``, rows of plain data each."""
+"""``cells``, ``aggregates``, ``comparisons`` and ``blame``, rows of plain data each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +74,11 @@ def summarise(results: Results) -> Summary:
     """Return everything that an experiment's episodes say; see docs/evaluation.md for every number."""
     return {
         "cells": [_cell(results, world, planner) for world in results.worlds for planner in results.planners],
+        "aggregates": [
+            _aggregate(results, name, worlds, planner)
+            for name, worlds in results.strata()
+            for planner in results.planners
+        ],
         "comparisons": [
             _comparison(results, name, worlds, other)
             for name, worlds in results.strata()
@@ -98,6 +118,22 @@ def _cell(results: Results, world: str, planner: str) -> dict[str, Any]:
     }
 
 
+def _aggregate(results: Results, name: str, worlds: Sequence[str], planner: str) -> dict[str, Any]:
+    """Return what the RPL of all episodes says; None where some have no bound."""
+    strata = [np.array([row.rpl for row in results.cell(world, planner)]) for world in worlds]
+    row: dict[str, Any] = {"world": name, "planner": planner, "episodes": sum(map(len, strata))}
+    if np.isnan(np.concatenate(strata)).any():
+        return {**row, "rpl_iqm": None, "optimality_gap": None, "profile": None}
+    rng = numpy_rng(0, "aggregate", name, planner)
+    profile = performance_profile(strata, THRESHOLDS, rng)
+    return {
+        **row,
+        "rpl_iqm": interquartile_mean(strata, rng).as_list(),
+        "optimality_gap": optimality_gap(strata, rng).as_list(),
+        "profile": {key: np.round(values, 4).tolist() for key, values in vars(profile).items()},
+    }
+
+
 def _price(results: Results, world: str, planner: str) -> float | None:
     """Return the price of decentralisation: how much longer than the twin, where both succeed."""
     twin = _named(results.planners, TWIN)
@@ -117,8 +153,10 @@ def _comparison(results: Results, name: str, worlds: Sequence[str], other: str) 
         "against": other,
         "episodes": len(ones),
         "success_difference": _difference(ones, twos).as_list(),
+        "success_p": _significant(mcnemar_p(~np.isnan(ones), ~np.isnan(twos))),
         "improvement": improvement(one, two, numpy_rng(0, "improvement", name, first, other)).as_list(),
         "time_ratio_median": _median((ones / twos).tolist(), 3),
+        "time_p": _significant(signed_rank_p(ones, twos)),
     }
 
 
@@ -152,6 +190,11 @@ def _named(planners: Sequence[str], name: str) -> str | None:
 
 def _difference(one: npt.NDArray[np.float64], two: npt.NDArray[np.float64]) -> Estimate:
     return paired_difference(~np.isnan(one), ~np.isnan(two))
+
+
+def _significant(p: float | None) -> float | None:
+    """Round a p value to three digits that count."""
+    return None if p is None else float(f"{p:.3g}")
 
 
 def _median(values: Sequence[float], digits: int) -> float | None:

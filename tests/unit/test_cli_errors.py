@@ -149,7 +149,7 @@ def test_messages_are_not_markup(capsys):
     shown = capsys.readouterr().out
     versus = {
         **row, "against": "[b]q", "success_difference": [0.1, -0.1, 0.3], "improvement": [0.6, 0.5, 0.7],
-        "time_ratio_median": None,
+        "success_p": 0.5, "time_ratio_median": None, "time_p": None,
     }  # fmt: skip
     console.print(comparison_table([versus]))
     assert "[b]q" in capsys.readouterr().out

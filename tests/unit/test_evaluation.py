@@ -11,7 +11,6 @@ import torch
 
 from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_experiment
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.evaluation.statistics import wilson_interval
 from hpp_framework.registry import hub
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.team import parse_team
@@ -29,23 +28,12 @@ COLUMNS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("successes", "trials", "low", "high"),
-    # Brown, Cai and DasGupta 2001; Newcombe 1998, table I, method 3
-    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
-)
-def test_wilson_interval_matches_published_values(successes, trials, low, high):
-    found = wilson_interval(successes, trials)
-    assert found == pytest.approx((low, high), abs=1e-4)
-
-
-def test_wilson_without_trials_knows_nothing():
-    assert wilson_interval(0, 0) == (0.0, 1.0)
-
-
 def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
     summary = run_experiment(SMALL, tmp_path / "a")
     assert [set(row) for row in summary["cells"]] == [COLUMNS] * 4
+    assert [row["world"] for row in summary["aggregates"]] == [
+        w for w in ("simple", "wall", "all") for _ in "ab"
+    ]
     assert [row["world"] for row in summary["comparisons"]] == ["simple", "wall", "all"]
     assert summary["blame"] == []
     rows = list(csv.DictReader((tmp_path / "a" / "episodes.csv").open()))
@@ -68,6 +56,22 @@ def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
 def test_the_summary_is_written(tmp_path):
     again = run_experiment(SMALL, tmp_path / "b")
     assert json.loads((tmp_path / "b" / "summary.json").read_text()) == again
+
+
+def test_results_are_written_for_marl_eval(tmp_path):
+    """Environment, task, algorithm, run: as many runs everywhere, each with a step and absolute metrics."""
+    summary = run_experiment(SMALL, tmp_path / "b")
+    layout = json.loads((tmp_path / "b" / "marl_eval.json").read_text())
+    assert list(layout) == ["rendezvous"]
+    assert list(layout["rendezvous"]) == ["simple", "wall"]
+    for cell in summary["cells"]:
+        runs = layout["rendezvous"][cell["world"]][cell["planner"]]
+        assert list(runs) == ["episode_0", "episode_1", "episode_2"]
+        for run in runs.values():
+            assert run["step_1"] == {"step_count": 0, **run["absolute_metrics"]}
+        for metric in ("success", "rpl"):
+            values = [run["absolute_metrics"][metric] for run in runs.values()]
+            assert np.mean(values) == pytest.approx(cell[metric], abs=1e-4)
 
 
 def test_episodes_are_paired_across_planners():
