@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
@@ -28,9 +29,9 @@ def run_tasks(
 ) -> Generator[Any, None, None]:
     """Call ``function(task, report)`` for every task, and yield whatever it reports, as it does.
 
-    Workers end at once when the iteration is left, also by an interruption or an error: what a function
-    writes must be whole or absent at any time. They use one torch thread each, and start as new
-    interpreters: a script that asks for them needs the guard ``if __name__ == "__main__":``.
+    Workers end at once when the iteration is left, also by an interruption or an error, and when this process
+    is killed: what a function writes must be whole or absent at any time. They use one torch thread each, and
+    start as new interpreters: a script that asks for them needs the guard ``if __name__ == "__main__":``.
 
     Args:
         function: found by name in its module, as is everything that it is given.
@@ -89,6 +90,7 @@ def _work(there: Any) -> None:
     # the starting process hears of an interruption too, and ends the workers; what takes time to import,
     # the function first of all, comes after this line
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     keep_freed_memory()
     import torch
 
@@ -104,3 +106,11 @@ def _work(there: Any) -> None:
         if not isinstance(error, HppError):
             error.add_note("In a worker process:\n" + traceback.format_exc())
         there.send(("error", error))
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, however that came."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

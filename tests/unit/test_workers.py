@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -63,6 +66,35 @@ def test_leaving_the_iteration_ends_the_workers():
     assert all(is_alive(process) for process in processes)
     tasks.close()
     assert not any(is_alive(process) for process in processes)
+
+
+PARENT = """
+import time
+from hpp_framework.workers import run_tasks
+
+def wait(task, report):
+    report(task)
+    until = time.monotonic() + 300
+    while time.monotonic() < until:
+        pass
+
+if __name__ == "__main__":
+    for task in run_tasks(wait, range(2), workers=2):
+        print(task, flush=True)
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_end_with_a_killed_parent(tmp_path, how):
+    """Also in the midst of a task; all of them hold the parent's output open for as long as they live."""
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    assert {parent.stdout.readline(), parent.stdout.readline()} == {"0\n", "1\n"}
+    parent.send_signal(how)
+    parent.communicate(timeout=60)
+    assert parent.returncode == -how
 
 
 def test_there_is_a_core():
