@@ -59,6 +59,9 @@ def register(hub: Hub) -> None:
         ("rrt-oa", "other", "an RRT path to another agent (presets: paper, best)"),
     ):
         hub.planners.add(name, f"{planning}.rrt_planner:{rule}", summary=summary)
+    hub.planners.add(
+        "maddpg", f"{planning}.maddpg:maddpg", summary="learned end to end (Lowe et al. 2017); uses no skill"
+    )
     for name, summary in (
         ("full-communication", "a ceiling: one hpp for all, each robot predicted by itself"),
         ("perfect-model", "a ceiling: one hpp for all, and the simulator predicts"),

@@ -1,19 +1,20 @@
-"""``hpp train``: train a skill or a predictor."""
+"""``hpp train``: train a skill, a predictor or the baseline that learns end to end."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from hpp_framework.cli.options import check_folder, check_positive
+from hpp_framework.cli.options import check_folder, check_positive, names
 from hpp_framework.errors import ConfigError
-from hpp_framework.settings import parse_settings
+from hpp_framework.settings import altered, parse_settings
 
 if TYPE_CHECKING:
-    from hpp_framework.predictor import PredictorTraining
+    from hpp_framework.predictor import PredictorTraining, TrainingProgress
     from hpp_framework.workers import Report
 
 
@@ -85,8 +86,6 @@ class TrainPredictor:
 
     def run(self) -> None:
         """Train, with a progress bar a model."""
-        from rich.progress import Progress
-
         from hpp_framework.prediction.dataset import collected_team
         from hpp_framework.prediction.library import model_pairs
         from hpp_framework.predictor import PredictorTraining
@@ -105,13 +104,7 @@ class TrainPredictor:
             )
             for agent, subject in pairs.values()
         ]  # fmt: skip
-        with Progress() as bars:
-            rows = {model: bars.add_task(model, total=self.steps) for model in pairs}
-            for progress in run_tasks(_train, [(self.name, t) for t in trainings], workers=workers):
-                if progress.message:
-                    bars.console.print(progress.message, soft_wrap=True, highlight=False)
-                description = f"{progress.model} {progress.status}"
-                bars.update(rows[progress.model], completed=progress.step, description=description)
+        _show(pairs, self.steps, run_tasks(_train, [(self.name, t) for t in trainings], workers=workers))
         print(f"weights: {self.out / self.name}")
 
 
@@ -122,13 +115,94 @@ def _train(task: tuple[str, PredictorTraining], report: Report) -> None:
     hub().predictor_trainers.create(name, replace(training, report=report))
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrainMaddpg:
+    """Train the paper's learned baseline from several seeds and keep the best of them.
+
+    A seed that is finished is kept when the same command is given again; an unfinished one begins anew.
+    """
+
+    team: str = "fetch,freight"
+    """Robots; a policy fits the team it was trained with only."""
+    task: str = "rendezvous"
+    """Registered task that pays the reward."""
+    steps: int = 1_000_000
+    """Control steps of the team, a seed."""
+    seeds: str = "0..9"
+    """Of networks, worlds, starts and noise: first and last, or separated by commas."""
+    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
+    """Settings of the recipe, e.g. learner.gamma=0.99 noise=0.2."""
+    workers: int = 1
+    """Seeds trained side by side, one thread each; each needs up to a gigabyte."""
+    out: Path = Path("runs/policies")
+    """Folder to write to."""
+
+    def run(self) -> None:
+        """Train, with a progress bar a seed."""
+        from hpp_framework.planning.maddpg import feature_count
+        from hpp_framework.registry import hub
+        from hpp_framework.team import parse_team
+        from hpp_framework.training.maddpg_figure import plot_seeds
+        from hpp_framework.training.maddpg_practice import Recipe
+        from hpp_framework.training.maddpg_seeds import MaddpgTraining, keep_best, train_seed
+        from hpp_framework.workers import run_tasks
+
+        check_positive(steps=self.steps, workers=self.workers)
+        hub().tasks.entry(self.task)
+        team = parse_team(self.team)
+        feature_count(team.robots)
+        settings = parse_settings(self.set, "--set")
+        altered(Recipe(), settings, "the recipe")
+        trainings = [
+            MaddpgTraining(
+                team=team, out=self.out, task=self.task, seed=seed, steps=self.steps, settings=settings
+            )
+            for seed in _seeds(self.seeds)
+        ]
+        check_folder(self.out)
+        rows = [training.name for training in trainings]
+        _show(rows, self.steps, run_tasks(train_seed, trainings, workers=self.workers))
+        file, card = keep_best(trainings)
+        print(f"weights: {file}")
+        print(f"figure: {plot_seeds(file.with_suffix('.png'), card)}")
+
+
+def _seeds(text: str) -> list[int]:
+    """Read ``"0..9"`` or ``"0,3,7"``."""
+    first, dots, last = text.partition("..")
+    try:
+        if dots:
+            found = list(range(int(first), int(last) + 1))
+        else:
+            found = [int(seed) for seed in names(text, "--seeds")]
+    except ValueError:
+        found = []
+    if not found or min(found) < 0:
+        raise ConfigError(f"--seeds takes whole numbers from 0 on, '0..9' or '0,3,7', got '{text}'.")
+    return found
+
+
+def _show(models: Iterable[str], steps: int, reports: Iterable[TrainingProgress]) -> None:
+    """Show a bar a model, and what trainings have to say."""
+    from rich.progress import Progress
+
+    with Progress() as bars:
+        rows = {model: bars.add_task(model, total=steps) for model in models}
+        for progress in reports:
+            if progress.message:
+                bars.console.print(progress.message, soft_wrap=True, highlight=False)
+            description = f"{progress.model} {progress.status}"
+            bars.update(rows[progress.model], completed=progress.step, description=description)
+
+
 @dataclass(frozen=True)
 class Train:
-    """Train a skill or a predictor."""
+    """Train a skill, a predictor or the baseline that learns end to end."""
 
     what: Annotated[
         Annotated[TrainSkill, tyro.conf.subcommand("skill")]
-        | Annotated[TrainPredictor, tyro.conf.subcommand("predictor")],
+        | Annotated[TrainPredictor, tyro.conf.subcommand("predictor")]
+        | Annotated[TrainMaddpg, tyro.conf.subcommand("maddpg")],
         tyro.conf.arg(name=""),
     ]
 
