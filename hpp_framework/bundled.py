@@ -57,6 +57,7 @@ def register(hub: Hub) -> None:
     for name, rule, summary in (
         ("rrt-mp", "midpoint", "an RRT path to the midpoint (presets: paper, best)"),
         ("rrt-oa", "other", "an RRT path to another agent (presets: paper, best)"),
+        ("rrt-cem", "cem", "CEM over goals, RRT paths as its motion model (presets: paper, best)"),
     ):
         hub.planners.add(name, f"{planning}.rrt_planner:{rule}", summary=summary)
     hub.planners.add(

@@ -54,12 +54,16 @@ class HppPlanner(MetaPlanner):
         predictor: the agent's motion models.
         task: the shared objective.
         config: parameters.
+        least_std: smallest standard deviation of the first Gaussian along an axis, metres.
     """
 
-    def __init__(self, predictor: Predictor, task: Task, config: HppConfig) -> None:
+    def __init__(
+        self, predictor: Predictor, task: Task, config: HppConfig, least_std: float = MIN_STD
+    ) -> None:
         self.predictor = predictor
         self.task = task
         self.config = config
+        self.least_std = least_std
         self.plan_every = config.plan_every
 
     @torch.no_grad()
@@ -78,9 +82,8 @@ class HppPlanner(MetaPlanner):
             seen[:] = [imagined]
             return self.task.trajectory_reward(imagined.poses)
 
-        found = cross_entropy(
-            objective, positions.mean(1), (spread / 2).clamp(min=MIN_STD), rng, self.config.cem
-        )
+        std = (spread / 2).clamp(min=self.least_std)
+        found = cross_entropy(objective, positions.mean(1), std, rng, self.config.cem)
         imagination = Imagination(found.samples, found.scores, seen[0]) if seen else None
         return found.mean, Belief(found.mean, found.mean, found.std, imagination)
 

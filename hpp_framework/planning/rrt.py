@@ -159,7 +159,7 @@ def _space(room: Room, seed: int) -> base.SpaceInformation:
 
 def _checker(room: Room) -> Callable[[base.State], bool]:
     """Return the look-up that is most of the work: no numpy, which is slow for single numbers."""
-    cells, columns = room.free.tobytes(), room.free.shape[1]
+    cells, columns = (room.slack > 0).tobytes(), room.slack.shape[1]
     (left, bottom), cells_a_metre = room.origin, 1 / room.resolution
 
     def fits(state: Any) -> bool:

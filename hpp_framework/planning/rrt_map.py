@@ -35,49 +35,69 @@ class Room:
     """Where the middle of a disc can be.
 
     Attributes:
-        free: (rows, columns) whether the disc fits there; row 0 has the lowest y.
+        slack: (rows, columns) metres that the disc can be moved in any direction; it fits where this is
+            positive. Row 0 has the lowest y.
         origin: (x, y) of the corner of cell (0, 0), metres.
         resolution: metres a cell.
     """
 
-    free: npt.NDArray[np.bool_]
+    slack: npt.NDArray[np.float32]
     origin: tuple[float, float]
     resolution: float
 
     def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the lowest and the highest (x, y) that have a cell."""
-        rows, columns = self.free.shape
+        rows, columns = self.slack.shape
         x, y = self.origin
         # a hair inside: what lies on the far edge would be in the next cell
         far = self.resolution * (1 - 1e-6)
         return (x, y), (x + columns * far, y + rows * far)
 
-    def fits(self, points: Points) -> npt.NDArray[np.bool_]:
-        """Return whether the disc fits at points (..., 2); it does not outside."""
+    def slack_at(self, points: Points) -> npt.NDArray[np.float32]:
+        """Return the slack at points (..., 2); -1 outside."""
         cells = np.floor((points - np.array(self.origin)) / self.resolution).astype(np.int64)
-        rows, columns = self.free.shape
+        rows, columns = self.slack.shape
         column, row = cells[..., 0], cells[..., 1]
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        return np.asarray(inside & self.free[row.clip(0, rows - 1), column.clip(0, columns - 1)])
+        found = self.slack[row.clip(0, rows - 1), column.clip(0, columns - 1)]
+        return np.where(inside, found, np.float32(-1.0))
+
+    def fits(self, points: Points) -> npt.NDArray[np.bool_]:
+        """Return whether the disc fits at points (..., 2); it does not outside."""
+        return np.asarray(self.slack_at(points) > 0)
 
     def passes(self, starts: Points, ends: Points) -> npt.NDArray[np.bool_]:
-        """Return whether the disc can go straight from points (..., 2) to others."""
-        longest = float(np.linalg.norm(ends - starts, axis=-1).max(initial=0.0))
-        shares = np.linspace(0, 1, int(np.ceil(longest / STRIDE)) + 2)
-        between = starts[..., None, :] + shares[:, None] * (ends - starts)[..., None, :]
-        return np.asarray(self.fits(between).all(-1))
+        """Return whether the disc can go straight from points (..., 2) to others.
+
+        Looks where it has to only: a disc with slack cannot touch anything sooner than that.
+        """
+        starts, ends = (part.reshape(-1, 2) for part in np.broadcast_arrays(starts, ends))
+        lengths = np.linalg.norm(ends - starts, axis=-1)
+        courses = (ends - starts) / np.maximum(lengths, 1e-9)[:, None]
+        clear = np.ones(len(starts), np.bool_)
+        under_way, gone = np.arange(len(starts)), np.zeros(len(starts))
+        while len(under_way):
+            slack = self.slack_at(starts[under_way] + gone[:, None] * courses[under_way])
+            clear[under_way] = slack > 0
+            on = (slack > 0) & (gone < lengths[under_way])
+            # a cell tells of its middle, up to 0.7 cells away
+            further = gone + np.maximum(slack - 0.7 * self.resolution, STRIDE)
+            under_way = under_way[on]
+            gone = np.minimum(further[on], lengths[under_way])
+        return clear
 
     def around(self, point: Points) -> Room:
         """Return what can be reached from a place where the disc fits."""
-        _, labels = cv2.connectedComponents(self.free.view(np.uint8), connectivity=4)
+        _, labels = cv2.connectedComponents((self.slack > 0).view(np.uint8), connectivity=4)
         column, row = np.floor((point - np.array(self.origin)) / self.resolution).astype(int)
-        return Room(np.asarray(labels == labels[row, column]), self.origin, self.resolution)
+        reached = np.where(labels == labels[row, column], self.slack, np.float32(-1.0))
+        return Room(reached, self.origin, self.resolution)
 
     def nearest(self, point: Points) -> Points | None:
         """Return a place where the disc fits: the point itself, else the nearest; None if there is none."""
         if bool(self.fits(point)):
             return point
-        rows, columns = np.nonzero(self.free)
+        rows, columns = np.nonzero(self.slack > 0)
         if not len(rows):
             return None
         places = np.stack([columns + 0.5, rows + 0.5], -1) * self.resolution + np.array(self.origin)
@@ -86,7 +106,7 @@ class Room:
 
 def room_for(space: FreeSpace, clearance: float) -> Room:
     """Return where the middle of a disc of this radius can be."""
-    return Room(space.distance > clearance, space.origin, space.resolution)
+    return Room(space.distance - np.float32(clearance), space.origin, space.resolution)
 
 
 def seen_spaces(observation: Observation, lidar: Lidar, bounds: Bounds) -> list[FreeSpace]:
