@@ -54,12 +54,12 @@ def register(hub: Hub) -> None:
     hub.planners.add(
         "centralized-rp", f"{planning}.heuristics:random_point", summary="everybody to one random point"
     )
-    for name, rule, summary in (
-        ("rrt-mp", "midpoint", "an RRT path to the midpoint (presets: paper, best)"),
-        ("rrt-oa", "other", "an RRT path to another agent (presets: paper, best)"),
-        ("rrt-cem", "cem", "CEM over goals, RRT paths as its motion model (presets: paper, best)"),
+    for name, source, summary in (
+        ("rrt-mp", "rrt_planner:midpoint", "an RRT path to the midpoint (presets: paper, best)"),
+        ("rrt-oa", "rrt_planner:other", "an RRT path to another agent (presets: paper, best)"),
+        ("rrt-cem", "rrt_cem:cem", "CEM over goals, RRT paths as its motion model (presets: paper, best)"),
     ):
-        hub.planners.add(name, f"{planning}.rrt_planner:{rule}", summary=summary)
+        hub.planners.add(name, f"{planning}.{source}", summary=summary)
     hub.planners.add(
         "maddpg", f"{planning}.maddpg:maddpg", summary="learned end to end (Lowe et al. 2017); uses no skill"
     )

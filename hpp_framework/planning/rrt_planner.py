@@ -1,4 +1,4 @@
-"""The paper's RRT baselines (section 5): a rule or CEM sets the goal, an RRT path leads there.
+"""RRT+MP and RRT+OA (section 5 of the paper): a rule sets the goal, an RRT path leads there.
 
 Every ``plan_every`` steps a new tree finds a path through what the robot has seen; in between the goal of its
 skill moves along the path, ``look_ahead`` metres ahead of the robot.
@@ -7,27 +7,23 @@ skill moves along the path, ``look_ahead`` metres ahead of the robot.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
-from hpp_framework.planning.cem import CemConfig
 from hpp_framework.planning.heuristics import CentralizedMidpoint, CentralizedOther
-from hpp_framework.planning.hpp import HppConfig, HppPlanner
 from hpp_framework.planning.rrt import TreeConfig, find_path, require_ompl
 from hpp_framework.planning.rrt_map import Points, padded, resampled, room_for, seen_spaces
-from hpp_framework.planning.rrt_predictor import MotionConfig, RrtPredictor
+from hpp_framework.planning.rrt_predictor import RrtPredictor
 from hpp_framework.privileged import PrivilegedPlanner, Truth
 from hpp_framework.robot import RobotSpec
 from hpp_framework.settings import altered
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task import Task
 from hpp_framework.types import Observation
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
 
@@ -64,51 +60,6 @@ class RrtConfig:
             raise ConfigError(f"RRT needs plan_every >= 1, margin >= 0 and look_ahead > 0, got {self}.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RrtCemConfig:
-    """Parameters of RRT+CEM: those of :class:`RrtConfig`, of imagined motion and of the search over goals.
-
-    Attributes:
-        plan_every: control steps between plans.
-        known_map: whether the true map is known, instead of what the robot's lidar saw.
-        margin: gap between footprint and obstacles that paths keep, metres.
-        snap: whether a goal that cannot be reached moves to the nearest place that can.
-        look_ahead: distance along the path at which the skill's goal lies ahead of the robot, metres.
-        tree: how trees grow.
-        motion: how everybody is imagined to move.
-        horizon: prediction steps.
-        terminal: share of the score that is the reward at the horizon; the rest is its mean over time.
-        least_std: smallest standard deviation of the first Gaussian over goals along an axis, metres.
-        cem: the search.
-    """
-
-    plan_every: int = 40
-    known_map: bool = False
-    margin: float = 0.1
-    snap: bool = True
-    look_ahead: float = 2.0
-    tree: TreeConfig = TreeConfig()
-    motion: MotionConfig = MotionConfig()
-    horizon: int = 12
-    terminal: float = 0.4
-    least_std: float = 0.25
-    cem: CemConfig = CemConfig()
-
-    def __post_init__(self) -> None:
-        self.following()
-        self.search()
-        if not 0 <= self.terminal <= 1 or not self.least_std > 0:
-            raise ConfigError(f"RRT+CEM needs terminal between 0 and 1 and least_std > 0, got {self}.")
-
-    def following(self) -> RrtConfig:
-        """Return how paths are found and followed."""
-        return RrtConfig(**{each.name: getattr(self, each.name) for each in fields(RrtConfig)})
-
-    def search(self) -> HppConfig:
-        """Return how goals are searched for: by the paper's planner."""
-        return HppConfig(horizon=self.horizon, plan_every=self.plan_every, cem=self.cem)
-
-
 @dataclass(frozen=True)
 class RrtBelief(Belief):
     """Adds the path that is followed.
@@ -132,13 +83,16 @@ class RrtPlanner(MetaPlanner):
         context: what a planner is told.
         config: parameters.
         predictor: that the destination asks, and that is to be told what the robot knows; None for none.
+
+    Attributes:
+        config: the effective parameters, for records; more than ``config`` where the destination has some.
     """
 
     def __init__(
         self,
         destination: MetaPlanner,
         context: PlannerContext,
-        config: RrtConfig | RrtCemConfig,
+        config: RrtConfig,
         predictor: RrtPredictor | None = None,
     ) -> None:
         require_ompl()
@@ -146,7 +100,8 @@ class RrtPlanner(MetaPlanner):
         self.predictor = predictor
         self.robot: RobotSpec = context.team.robots[context.agent]
         self.bounds = context.bounds
-        self.config = config
+        self.path = config
+        self.config: Any = config
         self.plan_every = config.plan_every
 
     @torch.no_grad()
@@ -184,7 +139,7 @@ class RrtPlanner(MetaPlanner):
         gone = index - belief.progress[:, None]
         away = (path - observation.pose[:, None, :2]).norm(dim=-1)
         progress = away.masked_fill((gone < 0) | (gone > PROGRESS / SPACING), torch.inf).argmin(1)
-        ahead = (progress + round(self.config.look_ahead / SPACING)).clamp(max=len(index) - 1)
+        ahead = (progress + round(self.path.look_ahead / SPACING)).clamp(max=len(index) - 1)
         return path[torch.arange(len(path)), ahead], replace(belief, progress=progress)
 
     def spaces(self, observation: Observation) -> Sequence[FreeSpace]:
@@ -202,17 +157,17 @@ class RrtPlanner(MetaPlanner):
             goal: where it wants to go, metres.
             seed: of the search, positive.
         """
-        room = room_for(space, self.robot.footprint_radius + self.config.margin)
+        room = room_for(space, self.robot.footprint_radius + self.path.margin)
         begin = room.nearest(start)
         if begin is None:
             return None
         around = room.around(begin)
-        end = around.nearest(goal) if self.config.snap else goal
+        end = around.nearest(goal) if self.path.snap else goal
         if end is None:
             return None
-        if self.config.tree.simplify and bool(around.passes(begin, end).all()):
+        if self.path.tree.simplify and bool(around.passes(begin, end).all()):
             return np.stack([start, begin, end])
-        path = find_path(around, begin, end, self.config.tree, seed)
+        path = find_path(around, begin, end, self.path.tree, seed)
         return None if path is None else np.concatenate([start[None], path])
 
 
@@ -255,12 +210,6 @@ class MapKnowingPlanner(RrtPlanner, PrivilegedPlanner):
 PLAIN = TreeConfig(tries=1, simplify=False)
 """Trees and paths as LaValle (1998) has them."""
 PRESETS = {"paper": RrtConfig(snap=False, tree=PLAIN), "best": RrtConfig()}
-CEM_PRESETS = {
-    "paper": RrtCemConfig(
-        snap=False, tree=PLAIN, motion=MotionConfig(period=CONTROL_PERIOD), horizon=5, terminal=1.0
-    ),
-    "best": RrtCemConfig(),
-}
 
 
 def midpoint(context: PlannerContext) -> RrtPlanner:
@@ -269,8 +218,7 @@ def midpoint(context: PlannerContext) -> RrtPlanner:
     Raises:
         ConfigError: if OMPL is not installed.
     """
-    config = _config("rrt-mp", PRESETS, context)
-    return _kind(config)(CentralizedMidpoint(), context, config)
+    return follower(CentralizedMidpoint(), context, configured("rrt-mp", PRESETS, context))
 
 
 def other(context: PlannerContext) -> RrtPlanner:
@@ -279,62 +227,30 @@ def other(context: PlannerContext) -> RrtPlanner:
     Raises:
         ConfigError: if OMPL is not installed.
     """
-    config = _config("rrt-oa", PRESETS, context)
-    return _kind(config)(CentralizedOther(), context, config)
+    return follower(CentralizedOther(), context, configured("rrt-oa", PRESETS, context))
 
 
-def cem(context: PlannerContext) -> RrtPlanner:
-    """Build RRT+CEM: the paper's search over goals, with RRT paths as its motion model.
+Config = TypeVar("Config")
+
+
+def configured(name: str, presets: Mapping[str, Config], context: PlannerContext) -> Config:
+    """Return the parameters of a planner under the context's preset and settings.
 
     Raises:
-        ConfigError: if OMPL is not installed.
+        UnknownNameError: if there is no such preset.
     """
-    config = _config("rrt-cem", CEM_PRESETS, context)
-    predictor = RrtPredictor(context.team.robots, config.margin, config.motion)
-    task = OverTime(context.task, config.terminal)
-    search = HppPlanner(predictor, task, config.search(), config.least_std)
-    return _kind(config)(search, context, config, predictor)
-
-
-Config = TypeVar("Config", RrtConfig, RrtCemConfig)
-
-
-def _config(name: str, presets: Mapping[str, Config], context: PlannerContext) -> Config:
     if context.preset not in presets:
         raise unknown_name("preset", context.preset, presets)
     owner = f"planner '{name}', preset '{context.preset}'"
     return altered(presets[context.preset], context.settings, owner)
 
 
-def _kind(config: RrtConfig | RrtCemConfig) -> type[RrtPlanner]:
-    return MapKnowingPlanner if config.known_map else RrtPlanner
-
-
-class OverTime(Task):
-    """A task that scores an imagined trajectory by all of it, not by its end alone.
-
-    Args:
-        task: rewards poses, and says when it is done.
-        terminal: share of the score that is the reward at the end; the rest is its mean over time.
-    """
-
-    def __init__(self, task: Task, terminal: float) -> None:
-        self.task = task
-        self.terminal = terminal
-
-    def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
-        """Return the reward of team poses."""
-        return self.task.reward(poses)
-
-    def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
-        """Return the reward at the end and on the way, weighed."""
-        reward = self.reward(poses)
-        return self.terminal * reward[..., -1] + (1 - self.terminal) * reward.mean(-1)
-
-    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
-        """Return whether the poses alone fulfil the objective."""
-        return self.task.met(poses)
-
-    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
-        """Return whether the objective is fulfilled now."""
-        return self.task.done(poses, velocities)
+def follower(
+    destination: MetaPlanner,
+    context: PlannerContext,
+    config: RrtConfig,
+    predictor: RrtPredictor | None = None,
+) -> RrtPlanner:
+    """Build a planner that knows the true map or does not (see :class:`RrtPlanner`)."""
+    kind = MapKnowingPlanner if config.known_map else RrtPlanner
+    return kind(destination, context, config, predictor)
