@@ -38,13 +38,9 @@ def plot_seeds(file: Path, card: Mapping[str, Any]) -> Path:
         axes.plot(steps, rows.T, color=SPREAD, alpha=0.35, linewidth=0.8)
         axes.fill_between(steps, mean - std, mean + std, color=SPREAD, alpha=0.25, linewidth=0)
         axes.plot(steps, mean, color=SPREAD, linewidth=2, label=f"mean of {len(rows)} seeds, one deviation")
-        axes.plot(
-            steps,
-            [row[name] for row in curves[best]],
-            color=BEST,
-            linewidth=2,
-            label=f"seed {best}, the best",
-        )
+        own = [row[name] for row in curves[best]]
+        axes.plot(steps, own, color=BEST, linewidth=2, label=f"seed {best}, the best")
+        axes.plot(card["judged"]["steps"] / 1e6, card["judged"][name], "o", color=BEST, label="kept")
         axes.set(xlabel="million control steps", ylabel=label)
         axes.grid(alpha=0.3)
         axes.legend(loc="lower right", fontsize=8)

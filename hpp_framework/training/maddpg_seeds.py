@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from hpp_framework.agent import Agent, Rest, agent_rng
 from hpp_framework.checkpoints import load_checkpoint, require_same_run, save_checkpoint
@@ -108,6 +109,8 @@ def command(trainings: Sequence[MaddpgTraining]) -> str:
 def train_seed(training: MaddpgTraining, report: Report) -> None:
     """Train one seed and write its actors and their card; a finished one is left as it is.
 
+    Kept are the actors of that point of the learning curve at which they were judged best.
+
     Args:
         training: what to do.
         report: is told now and then how far it has come, as :class:`TrainingProgress`.
@@ -125,22 +128,30 @@ def train_seed(training: MaddpgTraining, report: Report) -> None:
     task = hub().tasks.create(training.task, robots)
     rng = torch_rng(training.seed, "network")
     learner = Learner(len(robots), feature_count(robots), ACTIONS, training.recipe.learner, rng)
-    curve = _practise(training, learner, task, report)
+    curve, best = _practise(training, learner, task, report)
     card = {
         **expected_metadata(robots, task),
         "command": command([training]),
         "run": training.run(),
+        "judged": highest(curve),
         "curve": curve,
     }
-    save_checkpoint(training.file, learner.actors.state_dict(), card)
+    save_checkpoint(training.file, best, card)
     report(TrainingProgress(name, training.steps, "finished"))
 
 
-def _practise(training: MaddpgTraining, learner: Learner, task: Task, report: Report) -> list[Row]:
-    """Let a seed's learner practise; returns its curve."""
+def highest(curve: Sequence[Row]) -> Row:
+    """Return the point of a learning curve with the highest return in unseen worlds, the first of equals."""
+    return max(curve, key=lambda row: row["judged_return"])
+
+
+def _practise(
+    training: MaddpgTraining, learner: Learner, task: Task, report: Report
+) -> tuple[list[Row], dict[str, Tensor]]:
+    """Let a seed's learner practise; returns its curve, and the actors' weights when they were best."""
     recipe = training.recipe
     judge = Judge(training.team, task, recipe.rooms.world, recipe.judged)
-    curve, returns = list[Row](), list[float]()
+    curve, returns, best = list[Row](), list[float](), dict[str, Tensor]()
     judged = {training.steps * point // POINTS for point in range(1, POINTS + 1)}
     robots = training.team.robots
     rounds = practise(learner, robots, task, recipe, steps=training.steps, seed=training.seed)
@@ -151,11 +162,13 @@ def _practise(training: MaddpgTraining, learner: Learner, task: Task, report: Re
             judged = {point for point in judged if point > done}
             found = judge(learner.actors)
             curve.append({"steps": done, "return": round(sum(returns) / len(returns), 2), **found})
+            if highest(curve) is curve[-1]:
+                best = {key: value.clone() for key, value in learner.actors.state_dict().items()}
             worth = f"return {found['judged_return']:.0f}, success {found['success']:.2f}"
             message = f"{training.name}, {done} steps: {worth}"
             returns.clear()
         report(TrainingProgress(training.name, min(done, training.steps), "", message))
-    return curve
+    return curve, best
 
 
 class Judge:
@@ -206,7 +219,7 @@ def keep_best(trainings: Sequence[MaddpgTraining]) -> tuple[Path, dict[str, Any]
     """
     found = {training.seed: load_checkpoint(training.file, {}) for training in trainings}
     curves: dict[int, list[Row]] = {seed: card["curve"] for seed, (_, card) in found.items()}
-    best = max(curves, key=lambda seed: curves[seed][-1]["judged_return"])
+    best = max(curves, key=lambda seed: highest(curves[seed])["judged_return"])
     weights, card = found[best]
     file = weights_file(trainings[0].out, trainings[0].team)
     del card["curve"]

@@ -29,7 +29,7 @@ from hpp_framework.training.maddpg import Learner, MaddpgConfig, Transitions
 from hpp_framework.training.maddpg_figure import plot_seeds
 from hpp_framework.training.maddpg_practice import Noise
 from hpp_framework.training.maddpg_replay import Replay
-from hpp_framework.training.maddpg_seeds import MaddpgTraining, keep_best, train_seed
+from hpp_framework.training.maddpg_seeds import Judge, MaddpgTraining, keep_best, train_seed
 from hpp_framework.types import Observation
 
 AGENTS, FEATURES = 3, 5
@@ -251,6 +251,18 @@ def test_finished_seeds_are_kept_and_the_best_one_chosen(team, tmp_path):
     assert torch.equal(load_checkpoint(file, {})[0]["weights.0"], weights["weights.0"])
     assert len(json.loads(file.with_suffix(".json").read_text())["curves"]["0"]) == 4
     assert plot_seeds(tmp_path / "seeds.png", card).is_file()
+
+
+def test_the_weights_judged_best_are_kept(team, tmp_path, monkeypatch):
+    returns = iter([-5.0, -7.0, -6.0, -8.0])
+    monkeypatch.setattr(Judge, "__call__", lambda *_: {"judged_return": next(returns), "success": 0.0})
+    training = MaddpgTraining(team=team, out=tmp_path, steps=80, settings={**TINY, "warm_up": 40})
+    train_seed(training, lambda _: None)
+    weights, card = load_checkpoint(training.file, {})
+    assert card["judged"]["steps"] == 20
+    # before any gradient step
+    learner = Learner(2, feature_count(team.robots), 2, MaddpgConfig(), torch_rng(0, "network"))
+    assert torch.equal(weights["weights.0"], learner.actors.weights[0])
 
 
 @pytest.mark.parametrize(
