@@ -46,7 +46,7 @@ class TreeConfig:
     step: float = 1.0
     goal_bias: float = 0.05
     iterations: int = 2000
-    tries: int = 5
+    tries: int = 3
     simplify: bool = True
 
     def __post_init__(self) -> None:

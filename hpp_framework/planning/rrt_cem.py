@@ -36,7 +36,7 @@ class RrtCemConfig:
         cem: the search.
     """
 
-    plan_every: int = 40
+    plan_every: int = 10
     known_map: bool = False
     margin: float = 0.1
     snap: bool = True
@@ -45,7 +45,7 @@ class RrtCemConfig:
     motion: MotionConfig = MotionConfig()
     horizon: int = 12
     terminal: float = 0.4
-    least_std: float = 0.25
+    least_std: float = 1.0
     cem: CemConfig = CemConfig()
 
     def __post_init__(self) -> None:
@@ -65,7 +65,13 @@ class RrtCemConfig:
 
 PRESETS = {
     "paper": RrtCemConfig(
-        snap=False, tree=PLAIN, motion=MotionConfig(period=CONTROL_PERIOD), horizon=5, terminal=1.0
+        plan_every=40,
+        least_std=0.25,
+        snap=False,
+        tree=PLAIN,
+        motion=MotionConfig(period=CONTROL_PERIOD),
+        horizon=5,
+        terminal=1.0,
     ),
     "best": RrtCemConfig(),
 }

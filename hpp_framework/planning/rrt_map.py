@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -162,17 +161,3 @@ def _rasterise(points: Points, low: Points, high: Points) -> FreeSpace:
     # distances are endless where nothing was seen
     distance = cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * RESOLUTION
     return FreeSpace(np.asarray(distance, np.float32), (float(low[0]), float(low[1])), RESOLUTION)
-
-
-def resampled(path: Points, spacing: float) -> npt.NDArray[np.float64]:
-    """Return points (s, 2) along a path (p, 2) at equal distances, both ends included."""
-    edges = np.linalg.norm(np.diff(path, axis=0), axis=-1)
-    lengths = np.concatenate([[0.0], edges.cumsum()])
-    along = np.append(np.arange(0, lengths[-1], spacing), lengths[-1])
-    return np.stack([np.interp(along, lengths, path[:, axis]) for axis in (0, 1)], -1)
-
-
-def padded(paths: Sequence[Points]) -> Points:
-    """Return paths as one array (b, s, 2); shorter ones stay at their end."""
-    longest = max(len(path) for path in paths)
-    return np.stack([np.pad(path, ((0, longest - len(path)), (0, 0)), mode="edge") for path in paths])

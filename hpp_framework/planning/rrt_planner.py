@@ -19,7 +19,8 @@ from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
 from hpp_framework.planning.heuristics import CentralizedMidpoint, CentralizedOther
 from hpp_framework.planning.rrt import TreeConfig, find_path, require_ompl
-from hpp_framework.planning.rrt_map import Points, padded, resampled, room_for, seen_spaces
+from hpp_framework.planning.rrt_map import Points, room_for, seen_spaces
+from hpp_framework.planning.rrt_path import SPACING, padded, resampled
 from hpp_framework.planning.rrt_predictor import RrtPredictor
 from hpp_framework.privileged import PrivilegedPlanner, Truth
 from hpp_framework.robot import RobotSpec
@@ -27,8 +28,6 @@ from hpp_framework.settings import altered
 from hpp_framework.types import Observation
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
 
-SPACING = 0.1
-"""Metres between the points of a path that way-points are taken from."""
 PROGRESS = 2.0
 """Metres of its path that a robot may be found to have gone in one control step."""
 MOST_SEEDS = 2**31 - 1
@@ -39,7 +38,7 @@ class RrtConfig:
     """How a robot finds and follows paths.
 
     Attributes:
-        plan_every: control steps between plans; the paper's 40.
+        plan_every: control steps between plans.
         known_map: whether the true map is known, instead of what the robot's lidar saw.
         margin: gap between footprint and obstacles that paths keep, metres.
         snap: whether a goal where the robot does not fit, or that nothing leads to, moves to the nearest
@@ -48,7 +47,7 @@ class RrtConfig:
         tree: how trees grow.
     """
 
-    plan_every: int = 40
+    plan_every: int = 10
     known_map: bool = False
     margin: float = 0.1
     snap: bool = True
@@ -65,12 +64,16 @@ class RrtBelief(Belief):
     """Adds the path that is followed.
 
     Attributes:
-        path: points ``SPACING`` apart, world frame, metres; shorter paths stay at their end.
+        path: points at equal distances, world frame, metres; shorter paths stay at their end.
         progress: index of the point that the robot has come to.
     """
 
     path: Float[Tensor, "b s 2"] = field(kw_only=True)
     progress: Int[Tensor, "b"] = field(kw_only=True)
+
+    def rest(self, row: int) -> Points:
+        """Return what one episode's robot has not gone yet."""
+        return self.path[row, int(self.progress[row]) :].double().cpu().numpy()
 
 
 class RrtPlanner(MetaPlanner):
@@ -115,39 +118,37 @@ class RrtPlanner(MetaPlanner):
             self.predictor.prepare(spaces, seeds)
         goals, chosen = self.destination.plan(observation, None, rng)
         starts, ends = (part.double().cpu().numpy() for part in (observation.pose[:, :2], goals))
-        routes = [self.route(*problem) for problem in zip(spaces, starts, ends, seeds, strict=True)]
+        found = [self.route(*problem) for problem in zip(spaces, starts, ends, seeds, strict=True)]
         old = belief if isinstance(belief, RrtBelief) else None
-        path = padded(
-            [
-                _instead(old, row, ends[row]) if route is None else resampled(route, SPACING)
-                for row, route in enumerate(routes)
-            ]
-        )
+        paths = [
+            (old.rest(row) if old else ends[row, None]) if route is None else resampled(route)
+            for row, route in enumerate(found)
+        ]
         renewed = RrtBelief(
             chosen.goal, chosen.mean, chosen.std, chosen.imagination,
-            path=torch.from_numpy(path).to(goals), progress=torch.zeros(len(path), dtype=torch.long),
+            path=torch.from_numpy(padded(paths)).to(goals),
+            progress=torch.zeros(len(paths), dtype=torch.long),
         )  # fmt: skip
         return self.follow(observation, goals, renewed)
 
     def follow(
         self, observation: Observation, goal: Float[Tensor, "b 2"], belief: Belief
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the point of the path that lies ahead of the robot by the look-ahead."""
+        """Return the way-point ahead of the place that the robot has come to; it never goes back."""
         if not isinstance(belief, RrtBelief):
             return goal, belief
-        path, index = belief.path, torch.arange(belief.path.shape[1])
-        gone = index - belief.progress[:, None]
-        away = (path - observation.pose[:, None, :2]).norm(dim=-1)
+        gone = torch.arange(belief.path.shape[1]) - belief.progress[:, None]
+        away = (belief.path - observation.pose[:, None, :2]).norm(dim=-1)
         progress = away.masked_fill((gone < 0) | (gone > PROGRESS / SPACING), torch.inf).argmin(1)
-        ahead = (progress + round(self.path.look_ahead / SPACING)).clamp(max=len(index) - 1)
-        return path[torch.arange(len(path)), ahead], replace(belief, progress=progress)
+        ahead = (progress + round(self.path.look_ahead / SPACING)).clamp(max=belief.path.shape[1] - 1)
+        return belief.path[torch.arange(len(ahead)), ahead], replace(belief, progress=progress)
 
     def spaces(self, observation: Observation) -> Sequence[FreeSpace]:
         """Return what the robot knows of free space in each episode."""
         return seen_spaces(observation, self.robot.lidar, self.bounds)
 
     def route(self, space: FreeSpace, start: Points, goal: Points, seed: int) -> Points | None:
-        """Return a path (p, 2) in one episode from the start, or None if there is none.
+        """Return a path (p, 2) in one episode, or None if there is none.
 
         A robot nearer to an obstacle than paths keep first leaves for the nearest place that is not.
 
@@ -157,25 +158,19 @@ class RrtPlanner(MetaPlanner):
             goal: where it wants to go, metres.
             seed: of the search, positive.
         """
-        room = room_for(space, self.robot.footprint_radius + self.path.margin)
+        config = self.path
+        room = room_for(space, self.robot.footprint_radius + config.margin)
         begin = room.nearest(start)
         if begin is None:
             return None
         around = room.around(begin)
-        end = around.nearest(goal) if self.path.snap else goal
+        end = around.nearest(goal) if config.snap else goal
         if end is None:
             return None
-        if self.path.tree.simplify and bool(around.passes(begin, end).all()):
+        if config.tree.simplify and bool(around.passes(begin, end).all()):
             return np.stack([start, begin, end])
-        path = find_path(around, begin, end, self.path.tree, seed)
+        path = find_path(around, begin, end, config.tree, seed)
         return None if path is None else np.concatenate([start[None], path])
-
-
-def _instead(old: RrtBelief | None, row: int, goal: Points) -> Points:
-    """Return what one episode's robot follows where no path was found: the rest of the old, or the goal."""
-    if old is None:
-        return goal[None]
-    return old.path[row, int(old.progress[row]) :].double().cpu().numpy()
 
 
 class MapKnowingPlanner(RrtPlanner, PrivilegedPlanner):
@@ -209,7 +204,7 @@ class MapKnowingPlanner(RrtPlanner, PrivilegedPlanner):
 
 PLAIN = TreeConfig(tries=1, simplify=False)
 """Trees and paths as LaValle (1998) has them."""
-PRESETS = {"paper": RrtConfig(snap=False, tree=PLAIN), "best": RrtConfig()}
+PRESETS = {"paper": RrtConfig(plan_every=40, snap=False, tree=PLAIN), "best": RrtConfig()}
 
 
 def midpoint(context: PlannerContext) -> RrtPlanner:
