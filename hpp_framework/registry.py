@@ -123,7 +123,7 @@ class Hub:
     - ``predictor_trainers``: ``(config: PredictorTraining) -> Path``
     - ``skill_trainers``: ``(config: SkillTraining) -> Path``
     - ``skill_searches``: ``() -> SkillSearch``, of the skill trainer of the same name
-    - ``checkpoints``: ``() -> Path``, a folder of weights that predictors search
+    - ``checkpoints``: ``() -> Path``, a folder of weights that predictors and policies search
     """
 
     robots: Registry[Any] = _registry("robot")

@@ -136,4 +136,4 @@ def _weights() -> Finding:
 
     files = [file for entry in hub().checkpoints for file in entry.factory()().glob("*/*.safetensors")]
     remedy = "" if files else "Train predictors: hpp collect, then hpp train predictor."
-    return Finding("predictor weights", f"{len(files)} files", fine=bool(files), remedy=remedy)
+    return Finding("shipped weights", f"{len(files)} files", fine=bool(files), remedy=remedy)

@@ -56,7 +56,7 @@ class Evaluate:
     skill: str = "p2p"
     """Registered skill of every robot."""
     weights: str = ""
-    """Extra folders searched for predictor weights, separated by commas."""
+    """Extra folders searched for weights of predictors and policies, separated by commas."""
     set: Pairs = ()
     """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
     noise: Noise = field(default_factory=Noise)
