@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.geometry import wrap_angle
+from hpp_framework.guard import Guard
 from hpp_framework.planner import Belief, MetaPlanner
 from hpp_framework.policy import Policy
 from hpp_framework.robot import RobotSpec
@@ -84,13 +85,22 @@ class Agent:
         planner: chooses the goal.
         rest: decides when to stop; None never rests.
         rng: the agent's own randomness.
+        guard: keeps the robot off obstacles; None drives as the skill wants.
     """
 
-    def __init__(self, skill: Skill, planner: MetaPlanner, rest: Rest | None, rng: torch.Generator) -> None:
+    def __init__(
+        self,
+        skill: Skill,
+        planner: MetaPlanner,
+        rest: Rest | None,
+        rng: torch.Generator,
+        guard: Guard | None = None,
+    ) -> None:
         self.skill = planner if isinstance(planner, Policy) else skill
         self.planner = planner
         self.rest = rest
         self.rng = rng
+        self.guard = guard
         self.belief: Belief | None = None
         self.goal: Tensor = torch.empty(0, 2)
         self._countdown = 0
@@ -103,9 +113,9 @@ class Agent:
             self.goal, self.belief = self.planner.follow(observation, self.goal, self.belief)
         self._countdown -= 1
         command = self.skill.act(observation, self.goal)
-        if self.rest is None:
-            return command
-        return command.masked_fill(self.rest(observation)[:, None], 0.0)
+        if self.rest is not None:
+            command = command.masked_fill(self.rest(observation)[:, None], 0.0)
+        return command if self.guard is None else self.guard(observation, command)
 
     def plan(self, observation: Observation) -> Belief:
         """Choose a goal now, whatever the schedule says, and restart the schedule."""

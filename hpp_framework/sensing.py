@@ -25,6 +25,9 @@ KEYFRAMES = 12
 KEYFRAME_EVERY = 5
 """Control steps between two keyframes."""
 
+BODY = 0.45
+"""Metres from another robot's observed middle within which a point seen is on that robot."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseModel:

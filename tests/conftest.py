@@ -14,6 +14,7 @@ PACKAGES = ("hpp_framework", "robots/hpp_robots", "skills/hpp_skills", "tasks/hp
 CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
 UNCHECKED = {
     # Warp compiles the source of its kernels; wrapping them breaks that
+    "hpp_framework.guard_kernels",
     "hpp_framework.sim.batch_kernels",
     "hpp_framework.sim.drive_kernels",
     "hpp_framework.sim.lidar_kernels",

@@ -33,6 +33,7 @@ from hpp_framework.envs.spaces import (
     unit_space,
 )
 from hpp_framework.errors import ConfigError, SimulatorError
+from hpp_framework.guard import Guard
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
 from hpp_framework.registry import hub
 from hpp_framework.sim import CONTROL_PERIOD
@@ -106,6 +107,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         self.learner = learner
         self._factory = hub().planners.entry(teammates).factory() if isinstance(teammates, str) else teammates
         self._skills = self.episode.team.skills()
+        self._guards = [Guard(robot) for robot in self.episode.team.robots]
         robot = self.episode.team.robots[learner]
         self.observation_space = spaces.Dict(
             {"scan": scan_space(robot), "poses": poses_space(count), "velocity": command_space(robot)}
@@ -129,7 +131,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         self.episode.reset(int(self.np_random.integers(2**62)), (options or {}).get("poses"))
         rest = Rest(self.episode.task, self.episode.team.robots)
         self._agents = [
-            Agent(skill, planner, rest, agent_rng(planner, self.episode.seed, i))
+            Agent(skill, planner, rest, agent_rng(planner, self.episode.seed, i), self._guards[i])
             for i, (skill, planner) in enumerate(zip(self._skills, self._team_planners(), strict=True))
         ]
         self._told.goal = self._midpoint()

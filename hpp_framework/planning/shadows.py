@@ -12,13 +12,11 @@ from torch import Tensor
 
 from hpp_framework import geometry
 from hpp_framework.robot import Lidar
-from hpp_framework.sensing import glimpses, lidar_poses
+from hpp_framework.sensing import BODY, glimpses, lidar_poses
 from hpp_framework.types import Observation
 
 SLACK = 0.3
 """Metres before a surface that do not count as seen through."""
-BODY = 0.45
-"""Ranges that end nearer than this to the middle of another robot tell of that robot only, in metres."""
 OCCUPIED = 0.8
 """Where a robot stands is free, and so is this distance around it, in metres."""
 
