@@ -22,13 +22,20 @@ class State:
         velocities: forward speed in m/s and turn rate in rad/s.
         scans: lidar ranges in metres, beam 0 at the most clockwise angle; a robot with fewer beams than the
             widest lidar of the team is padded with its maximum range.
-        collided: whether the robot touched anything during the last control step.
+        touched_obstacle: whether the robot touched an obstacle during the last control step.
+        touched_robot: whether it touched another robot during the last control step.
     """
 
     poses: Float[Tensor, "b n 3"]
     velocities: Float[Tensor, "b n 2"]
     scans: Float[Tensor, "b n k"]
-    collided: Bool[Tensor, "b n"]
+    touched_obstacle: Bool[Tensor, "b n"]
+    touched_robot: Bool[Tensor, "b n"]
+
+    @property
+    def collided(self) -> Bool[Tensor, "b n"]:
+        """Whether the robot touched anything during the last control step."""
+        return self.touched_obstacle | self.touched_robot
 
 
 @dataclass(frozen=True)

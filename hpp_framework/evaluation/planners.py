@@ -11,8 +11,8 @@ from hpp_framework.planner import MetaPlanner, PlannerContext
 from hpp_framework.registry import hub
 from hpp_framework.settings import parse_settings, setting
 
-PRESET = "preset"
-"""The one setting that is not the planner's own: under which preset it is built."""
+PRESET, GUARD = "preset", "guard"
+"""Settings that are not the planner's own: under which preset it is built, and whether agents are guarded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,29 +22,35 @@ class PlannerChoice:
     Attributes:
         name: registered meta-planner.
         preset: instead of the experiment's, or None.
+        guard: whether agents have a :class:`~hpp_framework.guard.Guard`.
         settings: by dotted name.
     """
 
     name: str
     preset: str | None
+    guard: bool
     settings: Mapping[str, Any]
 
 
 def parse_planner(text: str) -> PlannerChoice:
-    """Read a planner from ``"hpp"``, ``"hpp:keep=0.05:memory=0"`` or ``"hpp:preset=paper"``.
+    """Read a planner from ``"hpp"``, ``"hpp:keep=0.05:memory=0"`` or ``"hpp:preset=paper:guard=false"``.
 
     Args:
         text: a registered name, then settings, all separated by colons.
 
     Raises:
-        ConfigError: if a setting is no ``name=value`` or comes twice.
+        ConfigError: if a setting is no ``name=value`` or comes twice, or the guard is neither on nor off.
         UnknownNameError: if there is no such planner.
     """
     name, *pairs = text.split(":")
     settings = parse_settings(pairs, f"planner '{text}'")
     hub().planners.entry(name)
-    preset = settings.pop(PRESET, None)
-    return PlannerChoice(name=name, preset=None if preset is None else str(preset), settings=settings)
+    preset, guard = settings.pop(PRESET, None), settings.pop(GUARD, True)
+    if not isinstance(guard, bool):
+        raise ConfigError(f"planner '{text}': {GUARD} must be true or false, got {guard!r}.")
+    return PlannerChoice(
+        name=name, preset=None if preset is None else str(preset), guard=guard, settings=settings
+    )
 
 
 def make_planner(text: str, context: PlannerContext) -> MetaPlanner:

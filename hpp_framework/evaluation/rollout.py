@@ -14,7 +14,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.agent import Agent, Rest, agent_rng
-from hpp_framework.evaluation.planners import make_planner
+from hpp_framework.evaluation.planners import make_planner, parse_planner
+from hpp_framework.guard import Guard
 from hpp_framework.planner import PlannerContext
 from hpp_framework.privileged import PrivilegedPlanner, Truth
 from hpp_framework.seeding import torch_rng
@@ -41,7 +42,8 @@ class Episodes:
         goals: the goal each robot's skill had in each step.
         done_step: step at which success had been sustained long enough.
         contact_step: first step at which the task was met, motion aside.
-        collided: whether any robot touched anything before the episode was done.
+        touched_obstacle: whether any robot touched an obstacle before the episode was done.
+        touched_robot: whether any two robots touched each other before the episode was done.
         plan_seconds: wall time of single plans from a belief on, one episode and one agent at a time.
     """
 
@@ -49,8 +51,14 @@ class Episodes:
     goals: Float[Tensor, "b s n 2"]
     done_step: Int[Tensor, "b"]
     contact_step: Int[Tensor, "b"]
-    collided: Bool[Tensor, "b"]
+    touched_obstacle: Bool[Tensor, "b"]
+    touched_robot: Bool[Tensor, "b"]
     plan_seconds: list[float]
+
+    @property
+    def collided(self) -> Bool[Tensor, "b"]:
+        """Whether any robot touched anything before the episode was done."""
+        return self.touched_obstacle | self.touched_robot
 
     def last_step(self) -> Int[Tensor, "b"]:
         """Return the step at which each episode ended: done, or out of time."""
@@ -92,13 +100,15 @@ def build_agents(
         settings: of every planner that has parameters, by dotted name.
     """
     agents: list[Agent] = []
+    guarded = parse_planner(planner).guard
     for index, skill in enumerate(team.skills()):
         context = PlannerContext(
             team=team, agent=index, task=task, preset=preset, bounds=bounds, weights=weights,
             settings=settings or {},
         )  # fmt: skip
         made = make_planner(planner, context)
-        agents.append(Agent(skill, made, Rest(task, team.robots), agent_rng(made, seed, index)))
+        guard = Guard(team.robots[index]) if guarded else None
+        agents.append(Agent(skill, made, Rest(task, team.robots), agent_rng(made, seed, index), guard))
     return agents
 
 
@@ -153,7 +163,8 @@ def run_episodes(
         goals=torch.stack(goals, 1).cpu(),
         done_step=score.done_step,
         contact_step=score.contact_step,
-        collided=score.collided,
+        touched_obstacle=score.touched_obstacle,
+        touched_robot=score.touched_robot,
         plan_seconds=plan_seconds,
     )
 
@@ -165,12 +176,14 @@ class _Score:
         self.task = task
         self.done_step = torch.full((episodes,), -1)
         self.contact_step = torch.full((episodes,), -1)
-        self.collided = torch.zeros(episodes, dtype=torch.bool)
+        self.touched_obstacle = torch.zeros(episodes, dtype=torch.bool)
+        self.touched_robot = torch.zeros(episodes, dtype=torch.bool)
         self._sustained = torch.zeros(episodes, dtype=torch.int64)
 
     def update(self, step: int, state: State) -> None:
         running = self.done_step < 0
-        self.collided |= state.collided.any(1).cpu() & running
+        self.touched_obstacle |= state.touched_obstacle.any(1).cpu() & running
+        self.touched_robot |= state.touched_robot.any(1).cpu() & running
         met = self.task.met(state.poses).cpu() & (self.contact_step < 0) & running
         self.contact_step[met] = step
         done = self.task.done(state.poses, state.velocities).cpu()

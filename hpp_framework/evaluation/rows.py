@@ -32,6 +32,8 @@ class EpisodeRow:
     first_contact: int
     first_contact_s: float
     collided: int
+    touched_obstacle: int
+    touched_robot: int
     final_distance_m: float
     steps: int
     plan_ms: float
@@ -69,7 +71,9 @@ def to_rows(
             world=world, planner=planner, episode=number,
             success=int(done[i] >= 0), time_s=seconds(done[i]),
             first_contact=int(contact[i] >= 0), first_contact_s=seconds(contact[i]),
-            collided=int(episodes.collided[i]), final_distance_m=round(float(final[i]), 4),
+            collided=int(episodes.collided[i]),
+            touched_obstacle=int(episodes.touched_obstacle[i]), touched_robot=int(episodes.touched_robot[i]),
+            final_distance_m=round(float(final[i]), 4),
             steps=int(last[i]), plan_ms=round(plan_ms, 4),
             bound_s=round(float(bounds[i]), 3), rpl=round(_rpl(seconds(done[i]), float(bounds[i])), 4),
             goal_gap_m=round(float(together.goal_gap[i]), 4),

@@ -108,6 +108,8 @@ def _cell(results: Results, world: str, planner: str) -> dict[str, Any]:
         "rpl": _mean([row.rpl for row in cell], 4),
         "price_median": _price(results, world, planner),
         "collision_episodes": sum(row.collided for row in cell),
+        "obstacle_episodes": sum(row.touched_obstacle for row in cell),
+        "robot_episodes": sum(row.touched_robot for row in cell),
         "final_distance_mean_m": _mean([row.final_distance_m for row in cell], 3),
         "goal_gap_median_m": _median([row.goal_gap_m for row in cell], 3),
         "agreed": _mean([not math.isnan(row.agreement_s) for row in cell], 4),

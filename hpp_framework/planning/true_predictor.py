@@ -166,8 +166,8 @@ class _History:
         return _History(self.window()[chosen])
 
 
-def _parts(state: State) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    return state.poses, state.velocities, state.scans, state.collided
+def _parts(state: State) -> tuple[Tensor, ...]:
+    return state.poses, state.velocities, state.scans, state.touched_obstacle, state.touched_robot
 
 
 def _pool(worlds: Sequence[World]) -> tuple[list[World], Int[Tensor, "r"]]:

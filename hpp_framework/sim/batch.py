@@ -91,7 +91,8 @@ class BatchSimulator(Simulator):
             poses=zeros(3),
             velocities=zeros(2),
             scans=self._blocks.flatten(2)[..., : self.beams],
-            collided=zeros(dtype=torch.bool),
+            touched_obstacle=zeros(dtype=torch.bool),
+            touched_robot=zeros(dtype=torch.bool),
         )
         self._world_index = torch.zeros(episodes, dtype=torch.int32, device=self.device)
         self._commands = zeros(2)
@@ -121,7 +122,8 @@ class BatchSimulator(Simulator):
         now = self._state.velocities
         wanted = torch.zeros_like(now) if velocities is None else velocities.to(now)
         now.copy_(torch.where(chosen[..., None], wanted, now))
-        self._state.collided.masked_fill_(chosen, value=False)
+        self._state.touched_obstacle.masked_fill_(chosen, value=False)
+        self._state.touched_robot.masked_fill_(chosen, value=False)
         # what is near has to be looked for again
         self._gap.zero_()
         self._crew.run(self._cast)
@@ -151,7 +153,8 @@ class BatchSimulator(Simulator):
             poses=now.poses.clone(),
             velocities=now.velocities.clone(),
             scans=now.scans.contiguous() if not now.scans.is_contiguous() else now.scans.clone(),
-            collided=now.collided.clone(),
+            touched_obstacle=now.touched_obstacle.clone(),
+            touched_robot=now.touched_robot.clone(),
         )
 
     def close(self) -> None:
@@ -168,7 +171,8 @@ class BatchSimulator(Simulator):
         before: Any = wp.zeros((episodes, robots), dtype=wp.vec2, device=self._warp_device)
         drive_inputs = [
             wrap(self._commands), self._robots, self._geometry, index, CONTROL_PERIOD, SUBSTEPS,
-            poses, wrap(self._state.velocities), wrap(self._state.collided), touched, before, wrap(self._gap),
+            poses, wrap(self._state.velocities), wrap(self._state.touched_obstacle),
+            wrap(self._state.touched_robot), touched, before, wrap(self._gap),
         ]  # fmt: skip
         cast_inputs = [poses, self._robots, self._rays, self._geometry, index, blocks]
         self._cast: list[Job] = []

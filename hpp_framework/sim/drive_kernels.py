@@ -136,6 +136,7 @@ def push_apart(
     robots: wp.array(dtype=Robot),
     poses: wp.array3d(dtype=float),
     touched: wp.array2d(dtype=wp.bool),
+    touched_robot: wp.array2d(dtype=wp.bool),
     gap: wp.array2d(dtype=float),
 ) -> int:
     """Move robots that overlap apart, the lighter one further, and return whether there were any."""
@@ -160,6 +161,8 @@ def push_apart(
                 gap[episode, j] = gap[episode, j] - overlap
                 touched[episode, i] = True
                 touched[episode, j] = True
+                touched_robot[episode, i] = True
+                touched_robot[episode, j] = True
                 moved = 1
     return moved
 
@@ -175,7 +178,8 @@ def drive(
     substeps: int,
     poses: wp.array3d(dtype=float),
     velocities: wp.array3d(dtype=float),
-    collided: wp.array2d(dtype=wp.bool),
+    touched_obstacle: wp.array2d(dtype=wp.bool),
+    touched_robot: wp.array2d(dtype=wp.bool),
     touched: wp.array2d(dtype=wp.bool),
     before: wp.array2d(dtype=wp.vec2),
     gap: wp.array2d(dtype=float),
@@ -196,8 +200,9 @@ def drive(
         substeps: times that speeds and contact are worked out in a period.
         poses: (episodes, robots, 3).
         velocities: (episodes, robots, 2).
-        collided: whether a robot touched anything in the period.
-        touched: scratch: whether it did in the substep.
+        touched_obstacle: whether a robot touched an obstacle in the period.
+        touched_robot: whether it touched another robot in the period.
+        touched: scratch: whether it touched anything in the substep.
         before: scratch: place before the substep.
         gap: metres that a robot may move before it can meet an obstacle, at least; kept between periods.
     """
@@ -206,14 +211,15 @@ def drive(
     count = robots.shape[0]
     dt = period / float(substeps)
     for i in range(count):
-        collided[episode, i] = False
+        touched_obstacle[episode, i] = False
+        touched_robot[episode, i] = False
     for _step in range(substeps):
         for i in range(count):
             touched[episode, i] = False
             before[episode, i] = wp.vec2(poses[episode, i, 0], poses[episode, i, 1])
             advance(episode, i, dt, robots[i], commands, poses, velocities, gap)
         for _relaxation in range(RELAXATIONS):
-            moved = push_apart(episode, robots, poses, touched, gap)
+            moved = push_apart(episode, robots, poses, touched, touched_robot, gap)
             for i in range(count):
                 if gap[episode, i] < CLOSE:
                     at = wp.vec2(poses[episode, i, 0], poses[episode, i, 1])
@@ -221,6 +227,7 @@ def drive(
                     free = pushed_out(at, robots[i].radius, grid, geometry)
                     if wp.length(wp.vec2(free[0], free[1]) - at) > TOUCH:
                         touched[episode, i] = True
+                        touched_obstacle[episode, i] = True
                         moved = 1
                     poses[episode, i, 0] = free[0]
                     poses[episode, i, 1] = free[1]
@@ -229,7 +236,6 @@ def drive(
                 break
         for i in range(count):
             if touched[episode, i]:
-                collided[episode, i] = True
                 theta = poses[episode, i, 2]
                 travelled = wp.vec2(poses[episode, i, 0], poses[episode, i, 1]) - before[episode, i]
                 along = wp.dot(travelled, wp.vec2(wp.cos(theta), wp.sin(theta))) / dt

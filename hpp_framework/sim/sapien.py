@@ -81,7 +81,8 @@ class SapienSimulator(Simulator):
             poses=torch.tensor([episode.poses() for episode in self._episodes]),
             velocities=torch.tensor([episode.velocities for episode in self._episodes]),
             scans=torch.from_numpy(scans),
-            collided=torch.tensor([episode.collided for episode in self._episodes]),
+            touched_obstacle=torch.tensor([episode.touched_obstacle for episode in self._episodes]),
+            touched_robot=torch.tensor([episode.touched_robot for episode in self._episodes]),
         )
 
     def picture(self, episode: int = 0) -> npt.NDArray[np.uint8]:
@@ -121,7 +122,7 @@ class _Episode:
         self.robots = robots
         self.physics = PhysicsScene(world, robots, TICK)
         self.velocities = [[0.0, 0.0] for _ in robots]
-        self.collided = [False for _ in robots]
+        self._forget_touches()
 
     def place(self, poses: Sequence[Sequence[float]]) -> None:
         for body, (x, y, theta) in zip(self.physics.bodies, poses, strict=True):
@@ -131,9 +132,13 @@ class _Episode:
         return [_planar(body.entity.pose) for body in self.physics.bodies]
 
     def drive(self, commands: Sequence[Sequence[float]]) -> None:
-        self.collided = [False for _ in self.robots]
+        self._forget_touches()
         for _ in range(SUBSTEPS):
             self._substep(commands)
+
+    def _forget_touches(self) -> None:
+        self.touched_obstacle = [False for _ in self.robots]
+        self.touched_robot = [False for _ in self.robots]
 
     def _substep(self, commands: Sequence[Sequence[float]]) -> None:
         before = self.poses()
@@ -146,10 +151,12 @@ class _Episode:
             for body, start, end in zip(self.physics.bodies, old, self.velocities, strict=True):
                 _push(body, [_mix(a, b, share) for a, b in zip(start, end, strict=True)])
             self.physics.scene.step()
-            touched = [a or b for a, b in zip(touched, self.physics.touching(), strict=True)]
+            for index, (obstacle, robot) in enumerate(self.physics.touching()):
+                self.touched_obstacle[index] |= obstacle
+                self.touched_robot[index] |= robot
+                touched[index] |= obstacle or robot
         for index, (start, end) in enumerate(zip(before, self.poses(), strict=True)):
             if touched[index]:
-                self.collided[index] = True
                 _slow_down(self.velocities[index], start, end)
 
 

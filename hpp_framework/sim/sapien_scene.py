@@ -76,17 +76,18 @@ class PhysicsScene:
         self.bodies: list[Any] = [self._add_robot(robot, planes) for robot in robots]
         self._index = {body.entity.per_scene_id: index for index, body in enumerate(self.bodies)}
 
-    def touching(self) -> list[bool]:
-        """Return whether each robot touched anything in the last tick."""
-        out = [False] * len(self.bodies)
+    def touching(self) -> list[tuple[bool, bool]]:
+        """Return whether each robot touched an obstacle, and whether another robot, in the last tick."""
+        obstacle, robot = ([False] * len(self.bodies) for _ in range(2))
         for contact in self.scene.get_contacts():
             # pairs are listed from 2 cm apart; all numbers are read now, contacts do not survive a tick
             if any(point.separation <= 0 or np.any(point.impulse) for point in contact.points):
-                for body in contact.bodies:
-                    index = self._index.get(body.entity.per_scene_id)
+                pair = [self._index.get(body.entity.per_scene_id) for body in contact.bodies]
+                touched = obstacle if None in pair else robot
+                for index in pair:
                     if index is not None:
-                        out[index] = True
-        return out
+                        touched[index] = True
+        return list(zip(obstacle, robot, strict=True))
 
     def distances(
         self,

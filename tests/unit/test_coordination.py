@@ -20,7 +20,8 @@ def episode(tracks, goals, *, done=-1):
     poses[0, :, :, :2] = torch.tensor(tracks).transpose(0, 1)
     return Episodes(
         poses=poses, goals=torch.tensor(goals).transpose(0, 1)[None], done_step=torch.tensor([done]),
-        contact_step=torch.tensor([-1]), collided=torch.tensor([False]), plan_seconds=[],
+        contact_step=torch.tensor([-1]), touched_obstacle=torch.tensor([False]),
+        touched_robot=torch.tensor([False]), plan_seconds=[],
     )  # fmt: skip
 
 

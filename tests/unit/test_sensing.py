@@ -20,7 +20,8 @@ def state(batch: int = BATCH, value: float = 1.0, scan: float = 5.0, robots: int
         poses=torch.full((batch, robots, 3), value),
         velocities=torch.full((batch, robots, 2), value / 10),
         scans=torch.full((batch, robots, BEAMS), scan),
-        collided=torch.zeros(batch, robots, dtype=torch.bool),
+        touched_obstacle=torch.zeros(batch, robots, dtype=torch.bool),
+        touched_robot=torch.zeros(batch, robots, dtype=torch.bool),
     )
 
 

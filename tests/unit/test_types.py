@@ -68,7 +68,8 @@ def test_wrong_kinds_are_refused(fetch, torch_rng):
             poses=torch.zeros(1, 1, 3),
             velocities=torch.zeros(1, 1, 2),
             scans=torch.zeros(1, 1, 4),
-            collided=[False],
+            touched_obstacle=[False],
+            touched_robot=torch.zeros(1, 1, dtype=torch.bool),
         )
 
 
