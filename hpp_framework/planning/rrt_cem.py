@@ -45,7 +45,7 @@ class RrtCemConfig:
     motion: MotionConfig = MotionConfig()
     horizon: int = 12
     terminal: float = 0.4
-    least_std: float = 1.0
+    least_std: float = 2.5
     cem: CemConfig = CemConfig()
 
     def __post_init__(self) -> None:
