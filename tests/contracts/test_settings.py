@@ -65,6 +65,14 @@ def test_a_planner_may_have_a_preset_of_its_own():
     assert parse_planner("hpp:preset=paper:horizon=2").settings == {"horizon": 2}
 
 
+def test_a_planner_may_drive_without_a_guard():
+    assert parse_planner("hpp").guard
+    assert not parse_planner("centralized-mp:guard=false").guard
+    assert parse_planner("centralized-mp:guard=false").settings == {}
+    with pytest.raises(ConfigError, match="guard must be true or false, got 'maybe'"):
+        parse_planner("hpp:guard=maybe")
+
+
 def test_settings_of_a_planner_without_parameters_are_refused(context, tmp_path):
     with pytest.raises(ConfigError, match="'centralized-mp' has no settings"):
         make_planner("centralized-mp:keep=1", context)

@@ -120,6 +120,21 @@ def test_push_a_standing_robot():
     assert state.poses[0, 1, 0] > 1.25
 
 
+def test_they_agree_on_who_was_touched():
+    """One robot drives against a wall while the other drives into it from behind."""
+    wall = World(name="wall", walled=False, boxes=(Box(center=(2, 0), size=(1, 8)),))
+    simulators = [BatchSimulator(robots()), sapien.SapienSimulator(robots())]
+    start = torch.tensor([[[0.9, 0.0, 0.0], [-0.3, 0.0, 0.0]]])
+    states = [simulator.reset([wall], start) for simulator in simulators]
+    told = []
+    for _ in range(20):
+        states = [simulator.step(torch.tensor([[[1.0, 0.0], [1.0, 0.0]]])) for simulator in simulators]
+        told.append([(s.touched_obstacle[0].tolist(), s.touched_robot[0].tolist()) for s in states])
+    assert told[-1] == [([True, False], [True, True])] * 2
+    alone = [first for first, second in told if first == second and first == ([True, False], [False, False])]
+    assert alone
+
+
 def test_two_robots_meet_head_on():
     commands = constant([[1.0, 0.0], [1.0, 0.0]], 30)
     distance, _, collided, state = drive_both(robots(), OPEN, [[0, 0, 0], [2, 0, math.pi]], commands)

@@ -50,6 +50,8 @@ def test_head_on_it_stops_at_its_footprint(fetch):
     assert last.poses[0, 0].tolist() == pytest.approx([2.0 - fetch.footprint_radius, 0, 0], abs=SKIN)
     assert abs(last.velocities[0, 0, 0].item()) < 0.02
     assert bool(last.collided[0, 0])
+    assert bool(last.touched_obstacle[0, 0])
+    assert not bool(last.touched_robot[0, 0])
 
 
 def test_it_collides_when_it_arrives_and_not_before(fetch):
@@ -113,6 +115,8 @@ def test_one_robot_pushes_another_out_of_its_way(fetch, freight):
     assert late > early > 1.0
     assert late > 1.05
     assert bool(states[-1].collided.all())
+    assert bool(states[-1].touched_robot.all())
+    assert not any(bool(state.touched_obstacle.any()) for state in states)
 
 
 def test_a_robot_pushed_against_a_wall_holds_the_other(fetch, freight):
