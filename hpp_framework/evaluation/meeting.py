@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
+from hpp_framework.evaluation.gathering import coarser, first_met, meeting_box
 from hpp_framework.evaluation.reach import PERIODS, Reach
 from hpp_framework.evaluation.standing import FINER, Part, finer, standing_room
 from hpp_framework.evaluation.ways import ALLOWANCE, DOUBT, cut, is_open
@@ -18,7 +19,7 @@ from hpp_framework.robot import RobotSpec
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task import Task
 from hpp_framework.worlds.geodesic import shortest_ways
-from hpp_framework.worlds.occupancy import RESOLUTION, free_space
+from hpp_framework.worlds.occupancy import RESOLUTION, FreeSpace, free_space
 from hpp_framework.worlds.world import World
 
 Array = npt.NDArray[np.float64]
@@ -31,6 +32,10 @@ FIRST_TRY = 3
 """Control periods beyond the least time in the open that are looked ahead first."""
 GROWTH = 1.4
 """By which factor more are looked ahead next."""
+SPARE = 0.5
+"""Metres by which a way on the grid may swerve from the shortest one, at most."""
+COARSER = 4
+"""Cells of a free space along a cell that the time is guessed on."""
 UNREACHED = 1e6
 
 
@@ -88,11 +93,16 @@ class _Meeting:
 
     def first_step(self) -> float:
         """Return the first control step at which the team can have met, infinity if it never can."""
-        limit = self._in_the_open() + FIRST_TRY
+        limit, guessed = self._in_the_open() + FIRST_TRY, False
         while limit <= PERIODS:
-            places = self._places(limit)
-            if min(places.shape) > 0:
-                found = self._earliest(places, limit)
+            low, is_open = self._straight_on(limit)
+            if is_open:
+                return max(low, 1)
+            if low <= limit:
+                # looking ahead too far is as dear as looking ahead once more
+                limit = limit if guessed else max(self._guess(), limit)
+                guessed = True
+                found = self._around_obstacles(low, limit)
                 if found <= limit:
                     return max(found, 1)
             limit = math.ceil(limit * GROWTH)
@@ -119,29 +129,58 @@ class _Meeting:
         width, length = (high - low).clip(0).tolist()
         return Part((int(low[0]), int(low[1])), (length, width))
 
-    def _earliest(self, places: Part, limit: int) -> int:
-        """Return the first step at which the team can have met at one of the places; limit + 1 if later."""
-        centres = places.centres(self.spaces[0])
-        straight = np.stack(
-            [self._straight(i, centres, self.radius, limit) for i in range(len(self.robots))]
-        ).max(0)
-        best = int(straight.argmin())
-        if straight[best] > limit or self._in_sight(centres[best]):
-            return int(straight[best])
-        return self._around_obstacles(places, int(straight[best]), limit)
+    def _straight_on(self, limit: int) -> tuple[int, bool]:
+        """Return the first step at which the team can have met, were there no obstacles.
 
-    def _around_obstacles(self, places: Part, low: int, limit: int) -> int:
+        Returns:
+            The step, limit + 1 if it comes later, and whether certainly none is in the way.
+        """
+        places = self._places(limit)
+        if min(places.shape) == 0:
+            return limit + 1, False
+        centres = places.centres(self.spaces[0])
+        steps = [self._straight(i, centres, self.radius, limit) for i in range(len(self.robots))]
+        straight = np.stack(steps).max(0)
+        best = int(straight.argmin())
+        return int(straight[best]), bool(straight[best] <= limit) and self._in_sight(centres[best])
+
+    def _guess(self) -> int:
+        """Return about when the team can have met, from a grid of few cells; 0 if that has no answer."""
+        arrivals: list[Int[np.ndarray, "r c"]] = []
+        for i, (robot, space) in enumerate(zip(self.robots, self.spaces, strict=True)):
+            distance = space.distance[COARSER // 2 :: COARSER, COARSER // 2 :: COARSER]
+            rough = FreeSpace(distance, space.origin, space.resolution * COARSER)
+            lengths = self._lengths(i, rough, robot.footprint_radius + rough.resolution)
+            whole = Part((0, 0), distance.shape)
+            straight = self._straight(i, whole.centres(rough), 0.0, PERIODS)
+            around = self.reaches[i].driving(lengths.ravel(), PERIODS)
+            arrivals.append(np.maximum(straight, around).reshape(distance.shape))
+        radius = self.radius / (RESOLUTION * COARSER)
+        found = first_met(lambda step: meeting_box(arrivals, radius, step) is not None, 1, PERIODS)
+        return found if found <= PERIODS else 0
+
+    def _around_obstacles(self, low: int, limit: int) -> int:
         """Return the first step at which everybody can stand somewhere within the radius of one place.
 
-        Where each robot can stand is known to the fine grid: walls may be just too thick to meet across.
+        Where each robot can stand is known to the fine grid: walls may be just too thick to meet across. The
+        coarse grid is quick, and never later.
         """
-        around = places.grown(math.ceil(self.radius / RESOLUTION) + 1, self.spaces[0])
+        around = self._places(limit).grown(math.ceil(self.radius / RESOLUTION) + 1, self.spaces[0])
+        coarse, fine = self._cells(RESOLUTION), self._cells(RESOLUTION / FINER)
         arrivals = [self._arrivals(i, around, limit) for i in range(len(self.robots))]
-        # the coarse grid is quick, and never later
-        low = _first(_coarser(arrivals), self._cells(RESOLUTION), low, limit)
-        if low > limit or _have_met(arrivals, self._cells(RESOLUTION / FINER), low):
-            return low
-        return _first(arrivals, self._cells(RESOLUTION / FINER), low + 1, limit)
+        roughly, margin = coarser(arrivals), math.ceil(fine) + 1
+
+        def have_met(step: int) -> bool:
+            box = meeting_box(roughly, coarse, step)
+            if box is None:
+                return False
+            rows, columns = (
+                slice(max(FINER * cells.start - margin, 0), FINER * cells.stop + margin) for cells in box
+            )
+            return meeting_box([steps[rows, columns] for steps in arrivals], fine, step) is not None
+
+        low = first_met(lambda step: meeting_box(roughly, coarse, step) is not None, low, limit)
+        return first_met(have_met, low, limit)
 
     def _cells(self, size: float) -> float:
         """Return the radius in cells of a size, with half a diagonal each for where robot and place are."""
@@ -182,14 +221,18 @@ class _Meeting:
         rows, columns = space.distance.shape
         low = np.floor(cell - far / step).astype(int).clip(0)
         high = np.ceil(cell + far / step).astype(int).clip(max=(columns, rows))
-        around = cut(space, low, high)
         # one of the cells in doubt is taken off there
         radius = self.robots[robot].footprint_radius - (DOUBT - 1) * step
-        goal = torch.from_numpy(start[None]).float()
-        lengths = shortest_ways([around], radius, goal, torch.zeros(1, dtype=torch.long)).values
-        field = np.minimum(lengths.double().numpy().reshape(around.distance.shape), UNREACHED)
+        needed = _on_the_way(cut(space, low, high), start, part.corners(space), far + SPARE)
+        field = self._lengths(robot, needed, radius)
         least = part.of(field, low, UNREACHED) * (1 - share) - metres
         return self.reaches[robot].driving(least.ravel(), limit).reshape(part.shape)
+
+    def _lengths(self, robot: int, space: FreeSpace, radius: float) -> Float[np.ndarray, "r c"]:
+        """Return the length of the shortest way of a disc from where a robot starts to each cell, metres."""
+        start = torch.from_numpy(self.poses[robot, None, :2]).float()
+        lengths = shortest_ways([space], radius, start, torch.zeros(1, dtype=torch.long)).values
+        return np.minimum(lengths.double().numpy().reshape(space.distance.shape), UNREACHED)
 
     def _in_sight(self, place: Float[np.ndarray, "2"]) -> bool:
         """Return whether everybody certainly can drive straight to within the radius of a place."""
@@ -214,53 +257,21 @@ class _Meeting:
         return rooms
 
 
-def _coarser(arrivals: Sequence[Int[np.ndarray, "R C"]]) -> list[Int[np.ndarray, "r c"]]:
-    """Return the earliest arrivals by coarse cell."""
-    rows, columns = (n // FINER for n in arrivals[0].shape)
-    return [steps.reshape(rows, FINER, columns, FINER).min((1, 3)) for steps in arrivals]
-
-
-def _first(arrivals: Sequence[Int[np.ndarray, "r c"]], radius: float, low: int, limit: int) -> int:
-    """Return the first step from ``low`` on at which the team can have met, limit + 1 if none."""
-    if low > limit or not _have_met(arrivals, radius, limit):
-        return limit + 1
-    high = limit
-    while low < high:
-        middle = (low + high) // 2
-        if _have_met(arrivals, radius, middle):
-            high = middle
-        else:
-            low = middle + 1
-    return low
-
-
-def _have_met(arrivals: Sequence[Int[np.ndarray, "r c"]], radius: float, step: int) -> bool:
-    """Return whether there is a cell within a radius (in cells) of one where each robot can be.
+def _on_the_way(
+    space: FreeSpace, start: Float[np.ndarray, "2"], corners: Float[np.ndarray, "2 2"], length: float
+) -> FreeSpace:
+    """Return a free space without the cells that lie on no way of a length into a rectangle.
 
     Args:
-        arrivals: first step at which each robot can be in each cell.
-        radius: in cells.
-        step: at which they meet.
+        space: the free space.
+        start: of the ways, in metres.
+        corners: of the rectangle: least and greatest (x, y), in metres.
+        length: in metres.
     """
-    reached = [steps <= step for steps in arrivals]
-    if not all(cells.any() for cells in reached):
-        return False
-    part = _around_all(reached, math.ceil(radius))
-    together = np.ones(reached[0][part].shape, np.bool_)
-    for cells in reached:
-        away = (~cells[part]).astype(np.uint8)
-        if away.all():
-            return False
-        together &= cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= radius
-    return bool(together.any())
-
-
-def _around_all(reached: Sequence[Bool[np.ndarray, "r c"]], radius: int) -> tuple[slice, slice]:
-    """Return the rows and columns where what all robots reach comes within twice a radius."""
-    parts: list[slice] = []
-    for axis, size in enumerate(reached[0].shape):
-        ends = [np.flatnonzero(cells.any(1 - axis))[[0, -1]] for cells in reached]
-        low = max(int(first) for first, _ in ends) - 2 * radius
-        high = min(int(last) for _, last in ends) + 2 * radius + 1
-        parts.append(slice(max(low, 0), min(max(high, low, 1), size)))
-    return parts[0], parts[1]
+    rows, columns = space.distance.shape
+    x = space.origin[0] + (np.arange(columns) + 0.5) * space.resolution
+    y = space.origin[1] + (np.arange(rows)[:, None] + 0.5) * space.resolution
+    (left, low), (right, high) = corners
+    left_to_go = np.hypot((left - x).clip(0) + (x - right).clip(0), (low - y).clip(0) + (y - high).clip(0))
+    needed = np.hypot(x - start[0], y - start[1]) + left_to_go <= length
+    return replace(space, distance=np.where(needed, space.distance, 0))

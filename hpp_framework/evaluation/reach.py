@@ -80,11 +80,32 @@ class Reach:
                 turning, as a robot may be pushed and slide.
             limit: periods that are looked ahead.
         """
-        count = limit * SUBSTEPS + 1
-        driven = self._driven[:count]
-        untouched = int(np.searchsorted(driven, room, side="right")) - 1
-        nearer = self._nearer[:, :count].copy()
-        nearer[:, untouched:] = nearer[:, [untouched]] + driven[untouched:] - driven[untouched]
+        last = limit * SUBSTEPS + 1
+        untouched = int(np.searchsorted(self._driven[:last], room, side="right")) - 1
+        nearer, driven = self._nearer[:, :last:SUBSTEPS].copy(), self._driven[:last:SUBSTEPS]
+        pushed = np.arange(0, last, SUBSTEPS) >= untouched
+        nearer[:, pushed] = self._nearer[:, [untouched]] + driven[pushed] - self._driven[untouched]
         row = np.floor(deviations * ((ANGLES - 1) / math.pi) - 1e-9).astype(int).clip(0, ANGLES - 1)
-        by_period = nearer[:, ::SUBSTEPS]
-        return (by_period[row] < distances[:, None]).sum(1)
+        return _first_above(nearer, row, distances)
+
+
+def _first_above(
+    table: Float[np.ndarray, "k t"], row: Int[np.ndarray, "p"], values: Float[np.ndarray, "p"]
+) -> Int[np.ndarray, "p"]:
+    """Return the first column of each row whose entry is not below a value, t where none is, by halving.
+
+    Args:
+        table: rows that never fall.
+        row: of each value.
+        values: looked for.
+    """
+    low = np.zeros(len(values), np.int64)
+    high = np.full(len(values), table.shape[1])
+    flat, start = table.ravel(), row * table.shape[1]
+    for _ in range(table.shape[1].bit_length()):
+        middle = (low + high) // 2
+        below = flat[start + np.minimum(middle, table.shape[1] - 1)] < values
+        below &= low < high
+        low = np.where(below, middle + 1, low)
+        high = np.where(below, high, middle)
+    return low

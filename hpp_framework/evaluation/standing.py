@@ -39,6 +39,11 @@ class Part:
         grid = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
         return grid * space.resolution + np.array(space.origin)
 
+    def corners(self, space: FreeSpace) -> Float[np.ndarray, "2 2"]:
+        """Return its least and greatest (x, y) in metres."""
+        cells = np.array([self.low, np.array(self.low) + self.shape[::-1]])
+        return cells * space.resolution + np.array(space.origin)
+
     def grown(self, cells: int, space: FreeSpace) -> Part:
         """Return a part that reaches further to all sides, but not out of the grid."""
         low = np.maximum(np.array(self.low) - cells, 0)

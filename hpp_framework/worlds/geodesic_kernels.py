@@ -145,48 +145,43 @@ def solve_straight(
             away = wp.length(wp.vec2(float(column) + 0.5, float(row) + 0.5) - goals[f])
             values[out + cell] = wp.where(away < 1.5 and grids.slowness[first + cell] < FAR, away, FAR)
             corners[out + cell] = -1
-    for _round in range(ROUNDS):
-        change = float(0.0)
-        for sweep in range(4):
-            for i in range(rows):
-                row = swept(i, rows, sweep, 0)
-                for j in range(columns):
-                    column = swept(j, columns, sweep, 1)
-                    here = row * columns + column
-                    if grids.slowness[first + wp.int64(here)] < FAR:
-                        place = wp.vec2(float(column) + 0.5, float(row) + 0.5)
-                        best = values[out + wp.int64(here)]
-                        for k in range(9):
-                            next_row = row + k // 3 - 1
-                            next_column = column + k % 3 - 1
-                            if (
-                                next_row >= 0
-                                and next_row < rows
-                                and next_column >= 0
-                                and next_column < columns
-                            ):
-                                there = next_row * columns + next_column
-                                value = values[out + wp.int64(there)]
-                                if value < best:
-                                    corner = corners[out + wp.int64(there)]
-                                    target = goals[f]
-                                    left = float(0.0)
-                                    if corner >= 0:
-                                        target = wp.vec2(
-                                            float(corner % columns) + 0.5, float(corner // columns) + 0.5
+    for sweep in range(4 * ROUNDS):
+        changed = bool(False)
+        for i in range(rows):
+            row = swept(i, rows, sweep, 0)
+            for j in range(columns):
+                column = swept(j, columns, sweep, 1)
+                here = row * columns + column
+                if grids.slowness[first + wp.int64(here)] < FAR:
+                    place = wp.vec2(float(column) + 0.5, float(row) + 0.5)
+                    best = values[out + wp.int64(here)]
+                    for k in range(9):
+                        next_row = row + k // 3 - 1
+                        next_column = column + k % 3 - 1
+                        if next_row >= 0 and next_row < rows and next_column >= 0 and next_column < columns:
+                            there = next_row * columns + next_column
+                            value = values[out + wp.int64(there)]
+                            if value < best:
+                                corner = corners[out + wp.int64(there)]
+                                target = goals[f]
+                                left = float(0.0)
+                                if corner >= 0:
+                                    target = wp.vec2(
+                                        float(corner % columns) + 0.5, float(corner // columns) + 0.5
+                                    )
+                                    left = values[out + wp.int64(corner)]
+                                new = left + wp.length(target - place)
+                                if new < best - SETTLED:
+                                    if not sees(place, target, grids.slowness, first, columns):
+                                        corner = there
+                                        new = value + wp.length(
+                                            wp.vec2(float(next_column - column), float(next_row - row))
                                         )
-                                        left = values[out + wp.int64(corner)]
-                                    new = left + wp.length(target - place)
                                     if new < best - SETTLED:
-                                        if not sees(place, target, grids.slowness, first, columns):
-                                            corner = there
-                                            new = value + wp.length(
-                                                wp.vec2(float(next_column - column), float(next_row - row))
-                                            )
-                                        if new < best - SETTLED:
-                                            change = wp.max(change, best - new)
-                                            best = new
-                                            values[out + wp.int64(here)] = new
-                                            corners[out + wp.int64(here)] = corner
-        if change < SETTLED:
+                                        changed = bool(True)
+                                        best = new
+                                        values[out + wp.int64(here)] = new
+                                        corners[out + wp.int64(here)] = corner
+        # every update is worth more than SETTLED, and none depends on the direction of the sweep
+        if not changed:
             break

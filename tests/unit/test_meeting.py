@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from hpp_framework.evaluation.gathering import first_met
 from hpp_framework.evaluation.meeting import meeting_bounds
 from hpp_framework.evaluation.reach import Reach
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
@@ -50,6 +51,25 @@ def test_facing_each_other_in_the_open_it_is_the_least_time_of_a_straight_drive(
     rising = 1 / 0.4
     least = math.ceil((rising + (gap - rising / 2)) / PERIOD) * PERIOD + 4 * PERIOD
     assert least - PERIOD <= found + 1e-6 <= least + 2e-6
+
+
+@pytest.mark.parametrize("first", [3, 4, 7, 10, 11])
+def test_halving_finds_the_first_step(first):
+    """From 3 to 10; 11 stands for never."""
+    assert first_met(lambda step: step >= first, 3, 10) == first
+
+
+def test_least_times_to_come_nearer_are_those_of_the_whole_table():
+    """Looked up by halving, and with pushes from the first touch on, as when every substep is compared."""
+    drive = DriveLimits(speed=(0.0, 1.0), turn_rate=1.0, acceleration=0.4, turn_acceleration=1.0)
+    reach = Reach(drive)
+    deviations = np.linspace(0, math.pi, 40).repeat(3)
+    distances = np.tile([-0.1, 0.7, 5.0], 40)
+    found = reach.approaching(distances, deviations, math.inf, 30)
+    assert (found[distances < 0] == 0).all()
+    assert (np.diff(found.reshape(40, 3), axis=0) >= 0).all()
+    pushed = reach.approaching(distances, deviations, 0.0, 30)
+    assert (pushed == reach.driving(distances, 30)).all()
 
 
 def test_turning_first_takes_longer(team, task):
