@@ -1,4 +1,4 @@
-"""Registers the bundled tasks."""
+"""Registers the bundled tasks and the policies trained for them."""
 
 from __future__ import annotations
 
@@ -12,4 +12,9 @@ def register(hub: Hub) -> None:
         "rendezvous-accumulated",
         "hpp_tasks.rendezvous:accumulated_distance",
         summary="rendezvous scored by the distance summed over the trajectory (rejected in the paper)",
+    )
+    hub.checkpoints.add(
+        "hpp_tasks.rendezvous",
+        "hpp_tasks.rendezvous:policy_folder",
+        summary="policies trained for rendezvous",
     )

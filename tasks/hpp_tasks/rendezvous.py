@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float
@@ -68,6 +69,11 @@ class AccumulatedDistance(Rendezvous):
     def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
         """Return the sum of Eq. 1 over the times of a trajectory."""
         return self.reward(poses).sum(-1)
+
+
+def policy_folder() -> Path:
+    """Return the folder of the policies that come with this package."""
+    return Path(__file__).parent / "policies"
 
 
 def rendezvous(robots: Sequence[RobotSpec]) -> Rendezvous:
