@@ -10,6 +10,7 @@ from torch import Tensor
 
 from hpp_framework.geometry import wrap_angle
 from hpp_framework.guard import Guard
+from hpp_framework.guide import Guide
 from hpp_framework.planner import Belief, MetaPlanner
 from hpp_framework.policy import Policy
 from hpp_framework.robot import RobotSpec
@@ -77,6 +78,40 @@ def agent_rng(planner: MetaPlanner, seed: int, index: int) -> torch.Generator:
     return torch_rng(seed, "agents") if planner.centralised else torch_rng(seed, "agent", index)
 
 
+def make_agent(
+    index: int,
+    skill: Skill,
+    planner: MetaPlanner,
+    task: Task,
+    robots: Sequence[RobotSpec],
+    seed: int,
+    *,
+    guard: bool = True,
+    guide: bool | None = None,
+) -> Agent:
+    """Build the agent of one robot of a team.
+
+    Args:
+        index: of the robot.
+        skill: the robot's.
+        planner: the robot's.
+        task: the shared objective.
+        robots: the team.
+        seed: of the whole team's randomness.
+        guard: whether it has a guard.
+        guide: whether it has a guide; None leaves it to the planner.
+    """
+    robot = robots[index]
+    return Agent(
+        skill,
+        planner,
+        Rest(task, robots),
+        agent_rng(planner, seed, index),
+        Guard(robot) if guard else None,
+        Guide(robot) if (planner.guided if guide is None else guide) else None,
+    )
+
+
 class Agent:
     """Plans every ``plan_every`` steps, drives every step, rests when that fulfils the task.
 
@@ -86,6 +121,12 @@ class Agent:
         rest: decides when to stop; None never rests.
         rng: the agent's own randomness.
         guard: keeps the robot off obstacles; None drives as the skill wants.
+        guide: shows the skill the way at every plan; None leaves it to find the goal itself.
+
+    Attributes:
+        belief: what the planner said last.
+        goal: that it chose last, world coordinates, metres.
+        waypoint: that the skill drives to.
     """
 
     def __init__(
@@ -95,14 +136,17 @@ class Agent:
         rest: Rest | None,
         rng: torch.Generator,
         guard: Guard | None = None,
+        guide: Guide | None = None,
     ) -> None:
         self.skill = planner if isinstance(planner, Policy) else skill
         self.planner = planner
         self.rest = rest
         self.rng = rng
         self.guard = guard
+        self.guide = guide
         self.belief: Belief | None = None
         self.goal: Tensor = torch.empty(0, 2)
+        self.waypoint: Tensor = self.goal
         self._countdown = 0
 
     def act(self, observation: Observation) -> Float[Tensor, "b 2"]:
@@ -110,15 +154,18 @@ class Agent:
         if self._countdown == 0:
             self.plan(observation)
         elif self.belief is not None:
-            self.goal, self.belief = self.planner.follow(observation, self.goal, self.belief)
+            self.waypoint, self.belief = self.planner.follow(observation, self.waypoint, self.belief)
         self._countdown -= 1
-        command = self.skill.act(observation, self.goal)
+        command = self.skill.act(observation, self.waypoint)
         if self.rest is not None:
             command = command.masked_fill(self.rest(observation)[:, None], 0.0)
         return command if self.guard is None else self.guard(observation, command)
 
     def plan(self, observation: Observation) -> Belief:
         """Choose a goal now, whatever the schedule says, and restart the schedule."""
-        self.goal, self.belief = self.planner.plan(observation, self.belief, self.rng)
+        self.waypoint, self.belief = self.planner.plan(observation, self.belief, self.rng)
+        self.goal = self.belief.goal
+        if self.guide is not None:
+            self.waypoint = self.guide(observation, self.goal)
         self._countdown = self.planner.plan_every
         return self.belief

@@ -64,11 +64,6 @@ def certain(goal: Float[Tensor, "b 2"]) -> Belief:
     return Belief(goal=goal, mean=goal, std=torch.zeros_like(goal))
 
 
-def certain(goal: Float[Tensor, "b 2"]) -> Belief:
-    """Return the belief of a planner that has no doubt."""
-    return Belief(goal=goal, mean=goal, std=torch.zeros_like(goal))
-
-
 PRESETS = ("paper", "best")
 """Presets that commands offer; planners without presets ignore them."""
 
@@ -79,10 +74,12 @@ class MetaPlanner(ABC):
     Attributes:
         plan_every: control steps between plans (the paper's T_h).
         centralised: whether all agents share one source of randomness, as only a centralised planner could.
+        guided: whether its agents have a :class:`~hpp_framework.guide.Guide` unless told otherwise.
     """
 
     plan_every: int = 10
     centralised: bool = False
+    guided: bool = False
 
     @abstractmethod
     def plan(

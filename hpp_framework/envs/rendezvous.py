@@ -19,7 +19,7 @@ from gymnasium import spaces
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.agent import Agent, Rest, agent_rng
+from hpp_framework.agent import Agent, make_agent
 from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
 from hpp_framework.envs.picture import check_mode
 from hpp_framework.envs.spaces import (
@@ -33,7 +33,6 @@ from hpp_framework.envs.spaces import (
     unit_space,
 )
 from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.guard import Guard
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
 from hpp_framework.registry import hub
 from hpp_framework.sim import CONTROL_PERIOD
@@ -107,7 +106,6 @@ class RendezvousEnv(gym.Env[Any, Any]):
         self.learner = learner
         self._factory = hub().planners.entry(teammates).factory() if isinstance(teammates, str) else teammates
         self._skills = self.episode.team.skills()
-        self._guards = [Guard(robot) for robot in self.episode.team.robots]
         robot = self.episode.team.robots[learner]
         self.observation_space = spaces.Dict(
             {"scan": scan_space(robot), "poses": poses_space(count), "velocity": command_space(robot)}
@@ -129,9 +127,9 @@ class RendezvousEnv(gym.Env[Any, Any]):
         """
         super().reset(seed=seed)
         self.episode.reset(int(self.np_random.integers(2**62)), (options or {}).get("poses"))
-        rest = Rest(self.episode.task, self.episode.team.robots)
+        task, robots, seed = self.episode.task, self.episode.team.robots, self.episode.seed
         self._agents = [
-            Agent(skill, planner, rest, agent_rng(planner, self.episode.seed, i), self._guards[i])
+            make_agent(i, skill, planner, task, robots, seed)
             for i, (skill, planner) in enumerate(zip(self._skills, self._team_planners(), strict=True))
         ]
         self._told.goal = self._midpoint()

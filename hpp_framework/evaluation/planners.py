@@ -11,8 +11,8 @@ from hpp_framework.planner import MetaPlanner, PlannerContext
 from hpp_framework.registry import hub
 from hpp_framework.settings import parse_settings, setting
 
-PRESET, GUARD = "preset", "guard"
-"""Settings that are not the planner's own: under which preset it is built, and whether agents are guarded."""
+PRESET, GUARD, GUIDE = "preset", "guard", "guide"
+"""Settings that are not the planner's own: its preset, and whether its agents have a guard and a guide."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,12 +23,14 @@ class PlannerChoice:
         name: registered meta-planner.
         preset: instead of the experiment's, or None.
         guard: whether agents have a :class:`~hpp_framework.guard.Guard`.
+        guide: whether agents have a :class:`~hpp_framework.guide.Guide`; None leaves it to the planner.
         settings: by dotted name.
     """
 
     name: str
     preset: str | None
     guard: bool
+    guide: bool | None
     settings: Mapping[str, Any]
 
 
@@ -39,18 +41,20 @@ def parse_planner(text: str) -> PlannerChoice:
         text: a registered name, then settings, all separated by colons.
 
     Raises:
-        ConfigError: if a setting is no ``name=value`` or comes twice, or the guard is neither on nor off.
+        ConfigError: if a setting is no ``name=value`` or comes twice, or guard or guide is not true or false.
         UnknownNameError: if there is no such planner.
     """
     name, *pairs = text.split(":")
     settings = parse_settings(pairs, f"planner '{text}'")
     hub().planners.entry(name)
-    preset, guard = settings.pop(PRESET, None), settings.pop(GUARD, True)
-    if not isinstance(guard, bool):
-        raise ConfigError(f"planner '{text}': {GUARD} must be true or false, got {guard!r}.")
+    preset, guard, guide = settings.pop(PRESET, None), settings.pop(GUARD, True), settings.pop(GUIDE, None)
+    for switch, value in ((GUARD, guard), (GUIDE, guide)):
+        if not isinstance(value, bool | None):
+            raise ConfigError(f"planner '{text}': {switch} must be true or false, got {value!r}.")
     return PlannerChoice(
-        name=name, preset=None if preset is None else str(preset), guard=guard, settings=settings
-    )
+        name=name, preset=None if preset is None else str(preset), guard=guard is not False, guide=guide,
+        settings=settings,
+    )  # fmt: skip
 
 
 def make_planner(text: str, context: PlannerContext) -> MetaPlanner:

@@ -13,9 +13,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from hpp_framework.agent import Agent, Rest, agent_rng
+from hpp_framework.agent import Agent, make_agent
 from hpp_framework.evaluation.planners import make_planner, parse_planner
-from hpp_framework.guard import Guard
 from hpp_framework.planner import PlannerContext
 from hpp_framework.privileged import PrivilegedPlanner, Truth
 from hpp_framework.seeding import torch_rng
@@ -100,15 +99,16 @@ def build_agents(
         settings: of every planner that has parameters, by dotted name.
     """
     agents: list[Agent] = []
-    guarded = parse_planner(planner).guard
+    choice = parse_planner(planner)
     for index, skill in enumerate(team.skills()):
         context = PlannerContext(
             team=team, agent=index, task=task, preset=preset, bounds=bounds, weights=weights,
             settings=settings or {},
         )  # fmt: skip
         made = make_planner(planner, context)
-        guard = Guard(team.robots[index]) if guarded else None
-        agents.append(Agent(skill, made, Rest(task, team.robots), agent_rng(made, seed, index), guard))
+        agents.append(
+            make_agent(index, skill, made, task, team.robots, seed, guard=choice.guard, guide=choice.guide)
+        )
     return agents
 
 

@@ -66,6 +66,7 @@ class OneMind(PrivilegedPlanner):
         settings = {**NOBODY_TO_GUESS.get(context.preset, {}), **context.settings}
         self.planner = hpp(replace(context, settings=settings), make)
         self.plan_every = self.planner.plan_every
+        self.guided = self.planner.guided
         self.config: Any = getattr(self.planner, "config", None)
 
     def witness(self, truth: Truth) -> None:

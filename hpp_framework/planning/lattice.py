@@ -106,6 +106,8 @@ class LatticePlanner(MetaPlanner):
         lidar: of the agent, to tell what lies in shadow; None ignores shadows.
     """
 
+    guided = True
+
     def __init__(
         self, predictor: Predictor, task: Task, config: LatticeConfig, lidar: Lidar | None = None
     ) -> None:

@@ -1,0 +1,85 @@
+"""The guide: way-points on the way that an agent's chart shows."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from hpp_framework.agent import make_agent
+from hpp_framework.evaluation.planners import parse_planner
+from hpp_framework.guide import AHEAD, NEAR, Guide
+from hpp_framework.planner import MetaPlanner, certain
+from hpp_framework.registry import hub
+from hpp_framework.skill import Skill
+from hpp_framework.types import Observation
+
+
+def before_a_wall(robot, heading):
+    """Return a robot at the origin that sees a wall along y = 1.5 m, which ends at x = 3 m."""
+    angles = torch.from_numpy(robot.lidar.angles()).float() + heading
+    x = robot.lidar.mount[0] * math.cos(heading)
+    y = robot.lidar.mount[0] * math.sin(heading)
+    away = (1.5 - y) / angles.sin()
+    hit = (away > 0) & (away < robot.lidar.max_range) & (x + away * angles.cos() < 3.0)
+    scan = torch.where(hit, away, robot.lidar.max_range)
+    poses = torch.tensor([[0.0, 0.0, heading], [0.0, -9.0, 0.0]]).expand(1, 5, 2, 3)
+    return Observation(0, poses, scan.expand(1, 5, -1), torch.zeros(1, 2))
+
+
+def test_what_is_near_and_free_is_its_own_way_point(fetch):
+    goal = torch.tensor([[1.0, -1.0]])
+    torch.testing.assert_close(Guide(fetch)(before_a_wall(fetch, 0.0), goal), goal)
+
+
+def test_a_goal_behind_a_wall_is_reached_around_its_end(fetch):
+    goal = torch.tensor([[1.0, 3.0]])
+    way_point = Guide(fetch)(before_a_wall(fetch, math.pi / 2), goal)[0]
+    assert way_point.norm() <= AHEAD + 0.3
+    assert way_point[0] > 2.0, "the wall is open at 3 m"
+    assert way_point[1] < 1.5, "on this side"
+
+
+def test_a_way_that_begins_behind_is_shown_piece_by_piece(fetch):
+    goal = torch.tensor([[-5.0, 0.0]])
+    ahead = Guide(fetch)(before_a_wall(fetch, math.pi), goal)[0]
+    behind = Guide(fetch)(before_a_wall(fetch, 0.0), goal)[0]
+    assert ahead.norm() == pytest.approx(AHEAD, abs=0.2)
+    assert behind.norm() == pytest.approx(NEAR, abs=0.2)
+
+
+class _Fixed(MetaPlanner):
+    """Wants everybody behind the wall."""
+
+    plan_every = 5
+
+    def plan(self, observation, belief, rng):
+        del belief, rng
+        goal = torch.tensor([[1.0, 3.0]]).expand(len(observation.pose), 2)
+        return goal, certain(goal)
+
+
+def test_agents_drive_to_the_way_point_and_keep_the_goal(fetch, freight):
+    task = hub().tasks.create("rendezvous", [fetch, freight])
+    seen = before_a_wall(fetch, math.pi / 2)
+
+    class Notes(Skill):
+        def act(self, observation, goal):
+            self.goal = goal
+            return torch.zeros(1, 2)
+
+    for guide in (True, False):
+        skill = Notes()
+        agent = make_agent(0, skill, _Fixed(), task, [fetch, freight], 0, guard=False, guide=guide)
+        agent.act(seen)
+        assert agent.goal.tolist() == [[1.0, 3.0]]
+        assert (skill.goal.tolist() == [[1.0, 3.0]]) is not guide
+
+
+def test_planners_say_whether_agents_have_a_guide(fetch, freight):
+    task = hub().tasks.create("rendezvous", [fetch, freight])
+    assert make_agent(0, hub().skills.create("p2p", fetch), _Fixed(), task, [fetch, freight], 0).guide is None
+    assert parse_planner("hpp").guide is None
+    assert parse_planner("hpp:guide=false").guide is False
+    assert parse_planner("centralized-oa:guide=true").guide is True
