@@ -12,10 +12,11 @@ from torch import Tensor
 
 from hpp_framework.agent import SPEED_STEPS, Rest
 from hpp_framework.evaluation.rollout import EPISODE_STEPS
+from hpp_framework.guard import Guard
 from hpp_framework.planning.maddpg import features, roles, to_command
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import numpy_rng, torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.sensing import HISTORY, KEYFRAMES, NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.task import Task
 from hpp_framework.worlds.pool import build_pool, draw_starts
@@ -32,6 +33,7 @@ class Rooms:
         steps: control steps an episode.
         start_distance: nearest and farthest neighbour at the start, in metres.
         rest: whether agents rest as they do when they are evaluated (see :class:`hpp_framework.agent.Rest`).
+        guard: whether they have a :class:`hpp_framework.guard.Guard`, as they do when they are evaluated.
     """
 
     world: str = "training"
@@ -40,6 +42,7 @@ class Rooms:
     steps: int = EPISODE_STEPS
     start_distance: tuple[float, float] = (1.5, 8.0)
     rest: bool = True
+    guard: bool = False
 
 
 class Practice:
@@ -58,12 +61,14 @@ class Practice:
         self.rooms = rooms
         self._rng = numpy_rng(seed, "practice")
         self._rest = Rest(task, self.robots)
+        self._guards = [Guard(robot) for robot in self.robots] if rooms.guard else []
         self._pool = build_pool(rooms.world, rooms.count, self.robots, seed=seed)
         self._simulator = BatchSimulator(self.robots, threads=1)
         self._simulator.load(self._pool.worlds, episodes=rooms.episodes)
         self._sensing = Sensing(
-            self.robots, NoiseModel(), torch_rng(seed, "sensing"), history=SPEED_STEPS + 1, keyframes=0
-        )
+            self.robots, NoiseModel(), torch_rng(seed, "sensing"),
+            history=HISTORY if rooms.guard else SPEED_STEPS + 1, keyframes=KEYFRAMES if rooms.guard else 0,
+        )  # fmt: skip
 
     def begin(self) -> Float[Tensor, "e n f"]:
         """Begin new episodes in worlds drawn anew; returns what everybody sees."""
@@ -80,13 +85,18 @@ class Practice:
         Args:
             actions: in [-1, 1].
         """
-        commands = torch.stack([to_command(actions[:, i], robot) for i, robot in enumerate(self.robots)], 1)
-        if self.rooms.rest:
-            resting = [self._rest(self._sensing.observe(i)) for i in range(len(self.robots))]
-            commands.masked_fill_(torch.stack(resting, 1)[..., None], 0.0)
-        state = self._simulator.advance(commands)
+        commands = [self._command(actions[:, i], i) for i in range(len(self.robots))]
+        state = self._simulator.advance(torch.stack(commands, 1))
         self._sensing.update(state)
         return self._look(), self.task.reward(state.poses)
+
+    def _command(self, action: Float[Tensor, "e 2"], index: int) -> Float[Tensor, "e 2"]:
+        """Return what becomes of an agent's action."""
+        seen = self._sensing.observe(index)
+        command = to_command(action, self.robots[index])
+        if self.rooms.rest:
+            command = command.masked_fill(self._rest(seen)[:, None], 0.0)
+        return self._guards[index](seen, command) if self._guards else command
 
     def _look(self) -> Float[Tensor, "e n f"]:
         count = range(len(self.robots))

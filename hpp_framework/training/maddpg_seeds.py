@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hpp_framework.agent import Agent, Rest, agent_rng
+from hpp_framework.agent import make_agent
 from hpp_framework.checkpoints import load_checkpoint, require_same_run, save_checkpoint
 from hpp_framework.evaluation.rollout import run_episodes
 from hpp_framework.planning.maddpg import (
@@ -35,6 +35,7 @@ from hpp_framework.task import Task
 from hpp_framework.team import Team
 from hpp_framework.training.maddpg import Learner
 from hpp_framework.training.maddpg_practice import ACTIONS, Recipe, practise
+from hpp_framework.training.maddpg_rooms import Rooms
 from hpp_framework.workers import Report
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
@@ -150,7 +151,7 @@ def _practise(
 ) -> tuple[list[Row], dict[str, Tensor]]:
     """Let a seed's learner practise; returns its curve, and the actors' weights when they were best."""
     recipe = training.recipe
-    judge = Judge(training.team, task, recipe.rooms.world, recipe.judged)
+    judge = Judge(training.team, task, recipe.rooms, recipe.judged)
     curve, returns, best = list[Row](), list[float](), dict[str, Tensor]()
     judged = {training.steps * point // POINTS for point in range(1, POINTS + 1)}
     robots = training.team.robots
@@ -177,15 +178,16 @@ class Judge:
     Args:
         team: everybody.
         task: the shared objective.
-        world: registered world, or a world file.
+        rooms: the kind of worlds, and whether agents have a guard.
         episodes: how many.
     """
 
-    def __init__(self, team: Team, task: Task, world: str, episodes: int) -> None:
+    def __init__(self, team: Team, task: Task, rooms: Rooms, episodes: int) -> None:
         rng = numpy_rng(JUDGE_SEED, "judge")
-        factory = resolve_world(world)
+        factory = resolve_world(rooms.world)
         self.team = team
         self.task = task
+        self.guard = rooms.guard
         self._worlds = [factory(rng) for _ in range(episodes)]
         starts = [torch.from_numpy(spawn_poses(w, team.robots, rng)).float() for w in self._worlds]
         self._starts = torch.stack(starts)
@@ -194,8 +196,10 @@ class Judge:
         """Return the actors' mean return and success."""
         robots = self.team.robots
         policies = [MaddpgPolicy(actors, robots, index) for index in range(len(robots))]
-        rest = Rest(self.task, robots)
-        agents = [Agent(each, each, rest, agent_rng(each, 0, index)) for index, each in enumerate(policies)]
+        agents = [
+            make_agent(index, each, each, self.task, robots, 0, guard=self.guard)
+            for index, each in enumerate(policies)
+        ]
         with BatchSimulator(robots, threads=1) as simulator:
             found = run_episodes(simulator, self._worlds, self._starts, agents, self.task)
         total = self.task.reward(found.poses[:, 1:]).sum(1).mean()

@@ -29,6 +29,7 @@ from hpp_framework.training.maddpg import Learner, MaddpgConfig, Transitions
 from hpp_framework.training.maddpg_figure import plot_seeds
 from hpp_framework.training.maddpg_practice import Noise
 from hpp_framework.training.maddpg_replay import Replay
+from hpp_framework.training.maddpg_rooms import Practice, Rooms
 from hpp_framework.training.maddpg_seeds import Judge, MaddpgTraining, keep_best, train_seed
 from hpp_framework.types import Observation
 
@@ -263,6 +264,26 @@ def test_the_weights_judged_best_are_kept(team, tmp_path, monkeypatch):
     # before any gradient step
     learner = Learner(2, feature_count(team.robots), 2, MaddpgConfig(), torch_rng(0, "network"))
     assert torch.equal(weights["weights.0"], learner.actors.weights[0])
+
+
+def test_agents_practise_with_rest_and_guard_when_asked(team):
+    """A team that stands together rests whatever it wants to do; without rest it drives off."""
+    task = hub().tasks.create("rendezvous", team.robots)
+    moved = {}
+    for rest, guard in ((True, False), (True, True), (False, False)):
+        rooms = Rooms(world="simple", count=1, episodes=2, steps=3, rest=rest, guard=guard)
+        practice = Practice(team.robots, task, rooms, 0)
+        practice.begin()
+        together = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.8, 0.0]]).expand(2, 2, 3)
+        everyone = torch.ones(2, 2, dtype=torch.bool)
+        practice._sensing.reset(
+            practice._simulator.place(torch.zeros(2, dtype=torch.int32), everyone, together)
+        )
+        seen, reward = practice.step(torch.ones(2, 2, 2))
+        moved[rest, guard] = float(seen[..., 0].max())
+        assert bool((reward == 0).all())
+    assert moved[True, False] == moved[True, True] == 0
+    assert moved[False, False] > 0.05
 
 
 @pytest.mark.parametrize(
