@@ -121,7 +121,7 @@ class Agent:
         rest: decides when to stop; None never rests.
         rng: the agent's own randomness.
         guard: keeps the robot off obstacles; None drives as the skill wants.
-        guide: shows the skill the way at every plan; None leaves it to find the goal itself.
+        guide: turns the robot round at a plan where its way leads back; None leaves all ways to the skill.
 
     Attributes:
         belief: what the planner said last.

@@ -1,7 +1,7 @@
-"""The guide: shows a skill the next piece of the way to its goal, through what the robot has seen lately.
+"""The guide: turns a robot round where the way to its goal begins behind it.
 
-A reactive skill decides by what it sees now. Before a long wall it may circle, and around an island it goes
-on in the direction in which it drives, even where turning back is shorter, as its agent expects it to.
+A reactive skill decides by what it sees now. Beside an island it goes on in the direction in which it drives,
+even where turning back is much shorter, and circles; its agent and everybody else expect it to come back.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from hpp_framework.prediction.chart import charted_ways, draw_chart
 from hpp_framework.robot import RobotSpec
 from hpp_framework.types import Observation
 
-AHEAD = 3.0
-"""Metres of the way to look ahead."""
-NEAR = 0.75
-"""Metres to look ahead where the way begins behind the robot: what is near and behind, skills turn to."""
 BEHIND = 2.4
-"""Bearing in radians from which the way begins behind."""
+"""Bearing in radians from which a way begins behind."""
+BEGINNING = 0.75
+"""Metres of a way that tell where it begins."""
+BACK = 1.5
+"""Metres along such a way that the skill is sent first: what is near and behind, skills turn round to."""
 
 
 class Guide:
-    """Turns a goal into a way-point: the shortest way there is followed for a few metres.
+    """Hands a skill its goal, or a way-point a little way back if the shortest way to the goal leads back.
 
     The way is found on the agent's chart (:mod:`hpp_framework.prediction.chart`), as motion models of kind
     ``far-sighted`` find it, so that robots go the way that their models expect.
@@ -38,7 +38,7 @@ class Guide:
         self.radius = torch.tensor([robot.footprint_radius])
 
     def __call__(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
-        """Return a point on the way to the goal, or the goal if it is nearer.
+        """Return what the skill is to drive to.
 
         Args:
             observation: what the agent knows.
@@ -49,7 +49,7 @@ class Guide:
             self.lidar, observation.agent, observation.team_poses, observation.scan, observation.keyframes,
             here, self.radius,
         )  # fmt: skip
-        ways = charted_ways(chart, goal[:, None], torch.tensor([NEAR, AHEAD]))
-        near, ahead = ways.points[:, 0, 0].unbind(1)
-        behind = geometry.polar(observation.pose, near)[..., 1].abs() > BEHIND
-        return torch.where(behind[:, None], near, ahead)
+        ways = charted_ways(chart, goal[:, None], torch.tensor([BEGINNING, BACK]))
+        first, back = ways.points[:, 0, 0].unbind(1)
+        behind = geometry.polar(observation.pose, first)[..., 1].abs() > BEHIND
+        return torch.where(behind[:, None], back, goal)

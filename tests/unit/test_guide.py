@@ -9,11 +9,11 @@ import torch
 
 from hpp_framework.agent import make_agent
 from hpp_framework.evaluation.planners import parse_planner
-from hpp_framework.guide import AHEAD, NEAR, Guide
+from hpp_framework.guide import BACK, Guide
 from hpp_framework.planner import MetaPlanner, certain
 from hpp_framework.registry import hub
 from hpp_framework.skill import Skill
-from hpp_framework.types import Observation
+from hpp_framework.types import Keyframes, Observation
 
 
 def before_a_wall(robot, heading):
@@ -28,41 +28,45 @@ def before_a_wall(robot, heading):
     return Observation(0, poses, scan.expand(1, 5, -1), torch.zeros(1, 2))
 
 
-def test_what_is_near_and_free_is_its_own_way_point(fetch):
-    goal = torch.tensor([[1.0, -1.0]])
-    torch.testing.assert_close(Guide(fetch)(before_a_wall(fetch, 0.0), goal), goal)
+def test_a_goal_ahead_is_left_to_the_skill(fetch):
+    for goal in (torch.tensor([[1.0, -1.0]]), torch.tensor([[3.5, 3.0]])):
+        torch.testing.assert_close(Guide(fetch)(before_a_wall(fetch, 0.0), goal), goal)
 
 
-def test_a_goal_behind_a_wall_is_reached_around_its_end(fetch):
-    goal = torch.tensor([[1.0, 3.0]])
-    way_point = Guide(fetch)(before_a_wall(fetch, math.pi / 2), goal)[0]
-    assert way_point.norm() <= AHEAD + 0.3
-    assert way_point[0] > 2.0, "the wall is open at 3 m"
-    assert way_point[1] < 1.5, "on this side"
-
-
-def test_a_way_that_begins_behind_is_shown_piece_by_piece(fetch):
+def test_a_robot_is_sent_back_where_the_way_begins_behind(fetch):
     goal = torch.tensor([[-5.0, 0.0]])
-    ahead = Guide(fetch)(before_a_wall(fetch, math.pi), goal)[0]
-    behind = Guide(fetch)(before_a_wall(fetch, 0.0), goal)[0]
-    assert ahead.norm() == pytest.approx(AHEAD, abs=0.2)
-    assert behind.norm() == pytest.approx(NEAR, abs=0.2)
+    torch.testing.assert_close(Guide(fetch)(before_a_wall(fetch, math.pi), goal), goal)
+    back = Guide(fetch)(before_a_wall(fetch, 0.0), goal)[0]
+    assert back.norm() == pytest.approx(BACK, abs=0.2)
+    assert back[0] < 0
+
+
+def test_the_way_counts_and_not_where_the_goal_lies(fetch):
+    """Looking to the left along the wall with the goal behind it, ahead: round the wall's end is behind."""
+    seen = before_a_wall(fetch, math.pi)
+    remembered = before_a_wall(fetch, math.pi / 2)
+    keyframes = Keyframes(remembered.poses[:, :1], remembered.scans[:, :1])
+    seen = Observation(0, seen.poses, seen.scans, seen.velocity, keyframes)
+    goal = torch.tensor([[-0.5, 3.0]])
+    back = Guide(fetch)(seen, goal)[0]
+    assert back[0] > 0.9, "towards the open end"
+    assert back[1] < 1.5, "on this side"
 
 
 class _Fixed(MetaPlanner):
-    """Wants everybody behind the wall."""
+    """Wants everybody at a place that lies behind."""
 
     plan_every = 5
 
     def plan(self, observation, belief, rng):
         del belief, rng
-        goal = torch.tensor([[1.0, 3.0]]).expand(len(observation.pose), 2)
+        goal = torch.tensor([[-5.0, 0.0]]).expand(len(observation.pose), 2)
         return goal, certain(goal)
 
 
 def test_agents_drive_to_the_way_point_and_keep_the_goal(fetch, freight):
     task = hub().tasks.create("rendezvous", [fetch, freight])
-    seen = before_a_wall(fetch, math.pi / 2)
+    seen = before_a_wall(fetch, 0.0)
 
     class Notes(Skill):
         def act(self, observation, goal):
@@ -73,8 +77,8 @@ def test_agents_drive_to_the_way_point_and_keep_the_goal(fetch, freight):
         skill = Notes()
         agent = make_agent(0, skill, _Fixed(), task, [fetch, freight], 0, guard=False, guide=guide)
         agent.act(seen)
-        assert agent.goal.tolist() == [[1.0, 3.0]]
-        assert (skill.goal.tolist() == [[1.0, 3.0]]) is not guide
+        assert agent.goal.tolist() == [[-5.0, 0.0]]
+        assert (skill.goal.tolist() == [[-5.0, 0.0]]) is not guide
 
 
 def test_planners_say_whether_agents_have_a_guide(fetch, freight):
