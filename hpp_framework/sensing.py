@@ -38,20 +38,26 @@ class NoiseModel:
         heading_std: of everybody's observed heading, in radians.
         scan_std: of every range in metres, or None for the lidar's own ``noise_std``.
         dropout: share of beams that miss and read the maximum range.
+        delay: control steps after which a robot hears of the others' poses; it knows its own at once.
+        pose_dropout: share of the others' poses that are lost on the way; the last one that came still
+            stands then.
     """
 
     position_std: float = 0.0
     heading_std: float = 0.0
     scan_std: float | None = 0.0
     dropout: float = 0.0
+    delay: int = 0
+    pose_dropout: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("position_std", "heading_std", "scan_std", "dropout"):
+        for name in ("position_std", "heading_std", "scan_std", "dropout", "delay", "pose_dropout"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < float("inf"):
                 raise ConfigError(f"noise: {name} must be 0 or more, got {value}.")
-        if self.dropout > 1:
-            raise ConfigError(f"noise: dropout is a share between 0 and 1, got {self.dropout}.")
+        for name in ("dropout", "pose_dropout"):
+            if getattr(self, name) > 1:
+                raise ConfigError(f"noise: {name} is a share between 0 and 1, got {getattr(self, name)}.")
 
 
 class Sensing:
@@ -67,7 +73,8 @@ class Sensing:
         keyframes: that observations hold, one a second; 0 for none.
 
     Attributes:
-        intensity: share of the noise that each episode has (b,), or None for all of it.
+        intensity: share of the noise that each episode has (b,), or None for all of it; the delay is the same
+            for all.
     """
 
     def __init__(
@@ -86,6 +93,7 @@ class Sensing:
         self.rng = rng
         self.intensity: Tensor | None = None
         self._poses: Tensor = torch.empty(0)
+        self._sent: Tensor = torch.empty(0)
         self._scans: list[Tensor] = []
         self._velocities: Tensor = torch.empty(0)
         self._key_poses: Tensor = torch.empty(0)
@@ -96,6 +104,7 @@ class Sensing:
         """Begin histories that repeat the first measurement."""
         poses, scans = self._measure(state)
         self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
+        self._sent = poses[:, None].repeat(1, self.noise.delay + 1, 1, 1, 1)
         self._scans = [scan[:, None].repeat(1, self.history, 1) for scan in scans]
         self._velocities = state.velocities
         self._key_poses = poses[:, None].repeat(1, self.keyframes, 1, 1, 1)
@@ -105,6 +114,8 @@ class Sensing:
     def update(self, state: State) -> None:
         """Append a measurement of everybody."""
         poses, scans = self._measure(state)
+        self._sent = _push(self._sent, poses)
+        poses = self._receive(poses)
         self._poses = _push(self._poses, poses)
         self._scans = [_push(old, new) for old, new in zip(self._scans, scans, strict=True)]
         self._velocities = state.velocities
@@ -124,8 +135,10 @@ class Sensing:
             robots: which robots begin anew.
         """
         poses, scans = self._measure(state)
-        self._poses[:, -1] = poses
         touched = robots[:, :, None] | robots[:, None, :]
+        self._sent[:, -1] = poses
+        self._sent = torch.where(touched[:, None, :, :, None], poses[:, None], self._sent)
+        self._poses[:, -1] = self._receive(poses)
         self._poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._poses)
         self._key_poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._key_poses)
         for i, scan in enumerate(scans):
@@ -154,6 +167,18 @@ class Sensing:
             std = poses.new_tensor([self.noise.position_std, self.noise.position_std, self.noise.heading_std])
             poses = poses + self._normal(poses) * self._scaled(std, poses)
         return poses, [self._scan(state.scans[:, i, : r.lidar.beams], r) for i, r in enumerate(self.robots)]
+
+    def _receive(self, measured: Tensor) -> Tensor:
+        """Return what everybody knows (b, observers, n, 3): its own pose at once, the others' late or not."""
+        if not self.noise.delay and not self.noise.pose_dropout:
+            return measured
+        known = self._sent[:, 0]
+        if self.noise.pose_dropout:
+            share = self._scaled(self.noise.pose_dropout, measured[..., 0])
+            lost = torch.rand(measured.shape[:3], generator=self.rng).to(measured) < share
+            known = torch.where(lost[..., None], self._poses[:, -1], known)
+        own = torch.eye(len(self.robots), dtype=torch.bool, device=measured.device)
+        return torch.where(own[:, :, None], measured, known)
 
     def _scan(self, scan: Tensor, robot: RobotSpec) -> Tensor:
         std = robot.lidar.noise_std if self.noise.scan_std is None else self.noise.scan_std

@@ -34,12 +34,17 @@ class Noise:
     """Standard deviation of ranges, in metres (the real sensor: 0.02)."""
     dropout: float = 0.0
     """Share of beams that miss."""
+    delay: int = 0
+    """Control steps of 0.2 s after which a robot hears of the others' poses."""
+    pose_dropout: float = 0.0
+    """Share of the others' poses that are lost on the way; the last one that came still stands."""
 
     def model(self) -> NoiseModel:
         """Return the noise model."""
         return NoiseModel(
-            position_std=self.pose, heading_std=self.heading, scan_std=self.lidar, dropout=self.dropout
-        )
+            position_std=self.pose, heading_std=self.heading, scan_std=self.lidar, dropout=self.dropout,
+            delay=self.delay, pose_dropout=self.pose_dropout,
+        )  # fmt: skip
 
 
 def names(text: str, option: str) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ import torch
 from hpp_framework.agent import Agent
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation import folder
+from hpp_framework.evaluation.distances import curve_file, distance_curves, write_bands, write_curves
 from hpp_framework.evaluation.marl_eval import marl_eval_layout
 from hpp_framework.evaluation.meeting import meeting_bounds
 from hpp_framework.evaluation.planners import parameters, parse_planner
@@ -193,6 +194,8 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
         for planner in experiment.planners:
             cell = _Cell(experiment, world, planner, factories[world], bounds)
             rows = _run_cell(cell, rows, file, progress)
+    firsts = range(0, experiment.episodes, CHUNK[experiment.backend])
+    write_bands(out, experiment.worlds, experiment.planners, firsts)
     results = Results(
         worlds=experiment.worlds, planners=experiment.planners, preset=experiment.preset,
         rows=[row for row in rows if row.episode < experiment.episodes],
@@ -224,6 +227,12 @@ class _Cell:
     factory: WorldFactory
     bounds: Bounds
 
+    def curves(self, out: Path, first: int) -> Path:
+        """Return where the distances of a chunk go."""
+        experiment = self.experiment
+        world, planner = experiment.worlds.index(self.world), experiment.planners.index(self.planner)
+        return curve_file(out, world, planner, first)
+
 
 def _run_cell(cell: _Cell, rows: list[EpisodeRow], file: Path, progress: Progress) -> list[EpisodeRow]:
     """Run the missing chunks of one world and planner, write after each, and return all rows."""
@@ -235,26 +244,29 @@ def _run_cell(cell: _Cell, rows: list[EpisodeRow], file: Path, progress: Progres
         progress(label, first, episodes)
         if set(wanted) <= have:
             continue
-        fresh = _run_chunk(cell, wanted)
+        fresh, curves = _run_chunk(cell, wanted)
+        # the rows come last: they say that a chunk is finished
+        write_curves(cell.curves(file.parent, first), curves)
         rows = [r for r in rows if (r.world, r.planner) != key or r.episode not in wanted] + fresh
         write_rows(file, rows, EpisodeRow)
     progress(label, episodes, episodes)
     return rows
 
 
-def _run_chunk(cell: _Cell, wanted: range) -> list[EpisodeRow]:
+def _run_chunk(cell: _Cell, wanted: range) -> tuple[list[EpisodeRow], np.ndarray]:
     """Run episodes side by side; only those together whose worlds share the bounds that planners are told."""
     drawn = {e: draw_episode(cell.experiment, cell.world, cell.factory, e) for e in wanted}
     groups: dict[tuple[float, float, float, float], list[int]] = {}
     for episode, (world, _) in drawn.items():
         groups.setdefault(world.bounds, []).append(episode)
-    rows = [row for group in groups.values() for row in _run_group(cell, drawn, group)]
-    return sorted(rows, key=lambda row: row.episode)
+    found = [each for group in groups.values() for each in _run_group(cell, drawn, group)]
+    found.sort(key=lambda each: each[0].episode)
+    return [row for row, _ in found], np.stack([curve for _, curve in found])
 
 
 def _run_group(
     cell: _Cell, drawn: Mapping[int, tuple[World, np.ndarray]], group: Sequence[int]
-) -> list[EpisodeRow]:
+) -> list[tuple[EpisodeRow, np.ndarray]]:
     experiment, name = cell.experiment, cell.world
     team = parse_team(experiment.team, skill=experiment.skill)
     task: Task = hub().tasks.create(experiment.task, team.robots)
@@ -272,4 +284,5 @@ def _run_group(
     found = meeting_bounds([worlds[i] for i in missing], starts[missing], team.robots, task)
     cell.bounds.update(zip([group[i] for i in missing], found.tolist(), strict=True))
     bounds = np.array([cell.bounds[episode] for episode in group])
-    return to_rows(name, cell.planner, group, episodes, bounds)
+    rows = to_rows(name, cell.planner, group, episodes, bounds)
+    return list(zip(rows, distance_curves(episodes), strict=True))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hpp_framework.errors import ConfigError
-from hpp_framework.files import read_json
+from hpp_framework.files import read_json, replacing
 from hpp_framework.versions import installed
 from hpp_framework.worlds.loader import SUFFIXES, load_world
 
@@ -27,6 +27,8 @@ PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "scipy")
 
 ADDED: Mapping[str, Any] = {"settings": {}}
 """What experiments of older versions did not record, as they had it."""
+ADDED_NOISE: Mapping[str, Any] = {"delay": 0, "pose_dropout": 0.0}
+"""The same of their noise."""
 
 NOT_COMPARED = ("versions", "planner_configs")
 
@@ -76,6 +78,8 @@ def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
     file = out / CONFIG
     if file.exists():
         found = {**ADDED, **read_json(file)}
+        if isinstance(found.get("noise"), dict):
+            found["noise"] = {**ADDED_NOISE, **found["noise"]}
         if found.get("command", EVALUATE) != EVALUATE:
             raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
         # what an older version did not record cannot differ
@@ -138,7 +142,7 @@ def read_config(file: Path, command: str) -> dict[str, Any]:
 
 def _write_config(out: Path, config: Mapping[str, Any]) -> None:
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
+        with replacing(out / CONFIG) as temporary:
+            temporary.write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error

@@ -54,6 +54,28 @@ def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
     assert all(float(row["bound_s"]) <= float(row["time_s"]) for row in rows if row["success"] == "1")
 
 
+def test_distances_over_time_are_kept_and_summed_up(tmp_path):
+    run_experiment(SMALL, tmp_path)
+    bands = np.load(tmp_path / "distance.npz", allow_pickle=False)
+    assert bands["worlds"].tolist() == list(SMALL.worlds)
+    assert bands["planners"].tolist() == list(SMALL.planners)
+    assert bands["seconds"][[0, 1, -1]].tolist() == [0.0, 0.2, 20.0]
+    assert bands["mean"].shape == (2, 2, 101)
+    assert bands["mean"][..., 0] == pytest.approx(5.0, abs=1e-4)  # starts
+    with (tmp_path / "episodes.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    for w, world in enumerate(SMALL.worlds):
+        for p, planner in enumerate(SMALL.planners):
+            final = [
+                float(r["final_distance_m"]) for r in rows if (r["world"], r["planner"]) == (world, planner)
+            ]
+            curves = np.load(tmp_path / "distances" / f"{w:02d}-{p:02d}-00000.npy", allow_pickle=False)
+            assert curves[:, -1] == pytest.approx(final, abs=1e-4)
+            assert bands["mean"][w, p] == pytest.approx(curves.mean(0))
+            assert bands["quantiles"][w, p, 2] == pytest.approx(np.median(curves, 0))
+    assert (bands["episodes"] == 3).all()
+
+
 def test_the_summary_is_written(tmp_path):
     again = run_experiment(SMALL, tmp_path / "b")
     assert json.loads((tmp_path / "b" / "summary.json").read_text()) == again

@@ -32,6 +32,11 @@ def outcome(folder: Path) -> list[dict[str, str]]:
         return [{k: v for k, v in row.items() if k != "plan_ms"} for row in csv.DictReader(stream)]
 
 
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Return every file of a folder."""
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
 @pytest.fixture
 def no_film(monkeypatch):
     """Write no video: it takes long and is tested elsewhere."""
@@ -100,9 +105,9 @@ def test_damaged_episodes_are_named(content, tmp_path, capsys):
 def test_commands_do_not_write_into_each_others_folders(tmp_path, capsys, no_film):
     both = ["--backend", "batch", "--planner", "centralized-mp", "--world", "simple", "--out"]
     main([*COMMAND, str(tmp_path / "a")])
-    before = {file.name: file.read_bytes() for file in (tmp_path / "a").iterdir()}
+    before = contents(tmp_path / "a")
     assert "`hpp evaluate` wrote" in refused(["run", *both, tmp_path / "a"], capsys)
-    assert {file.name: file.read_bytes() for file in (tmp_path / "a").iterdir()} == before
+    assert contents(tmp_path / "a") == before
     main(["run", *both, str(tmp_path / "b")])
     main(["run", *both, str(tmp_path / "b")])  # a film may be made again
     assert "`hpp run` wrote" in refused([*COMMAND, tmp_path / "b"], capsys)
@@ -132,6 +137,8 @@ def test_folders_of_older_versions_resume(tmp_path):
     config = json.loads(file.read_text())
     for name in ("command", "world_files", "versions", "planner_configs", "settings"):
         del config[name]
+    for name in ("delay", "pose_dropout"):
+        del config["noise"][name]
     file.write_text(json.dumps(config))
     run_experiment(TINY, tmp_path)
 

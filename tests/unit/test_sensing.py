@@ -139,6 +139,41 @@ def test_restart_begins_only_the_chosen_histories(make):
     assert restarted.poses[1, :, 0, 0].tolist() == [0.0, 0.0, 0.0, 0.0, 9.0]
 
 
+def test_others_are_known_late_and_oneself_at_once(make):
+    sensing = make(delay=2)
+    sensing.reset(state(1, value=0.0))
+    for step in range(1, 5):
+        sensing.update(state(1, value=float(step)))
+    for agent in (0, 1):
+        seen = sensing.observe(agent).poses[0, :, :, 0]
+        assert seen[:, agent].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+        assert seen[:, 1 - agent].tolist() == [0.0, 0.0, 0.0, 1.0, 2.0]
+
+
+def test_a_restart_is_known_at_once_whatever_the_delay(make):
+    sensing = make(delay=3)
+    sensing.reset(state(1, value=0.0))
+    sensing.restart(state(1, value=7.0), torch.tensor([[True, False]]))
+    for agent in (0, 1):
+        assert sensing.observe(agent).poses[0, -1, :, 0].tolist() == [7.0, 7.0]
+    sensing.update(state(1, value=8.0))
+    assert sensing.observe(1).poses[0, -1, 0, 0] == 7.0
+
+
+def test_lost_poses_leave_the_last_one_that_came(make):
+    sensing = make(pose_dropout=0.25)
+    sensing.reset(state(value=0.0))
+    sensing.update(state(value=1.0))
+    other, own = sensing.observe(0).team_poses[:, 1, 0], sensing.observe(0).team_poses[:, 0, 0]
+    assert torch.equal(own, torch.ones(BATCH))
+    assert set(other.tolist()) == {0.0, 1.0}
+    assert float((other == 0).float().mean()) == pytest.approx(0.25, abs=0.09)
+    lost = make(pose_dropout=1.0)
+    lost.reset(state(2, value=0.0))
+    lost.update(state(2, value=1.0))
+    assert lost.observe(1).team_poses[0, :, 0].tolist() == [0.0, 1.0]
+
+
 def test_agents_with_fewer_beams_get_their_own_width(fetch, freight, torch_rng):
     coarse = dataclasses.replace(freight, lidar=dataclasses.replace(freight.lidar, beams=20))
     sensing = Sensing([fetch, coarse], NoiseModel(), torch_rng)
@@ -165,6 +200,8 @@ def test_observations_do_not_change_afterwards(make):
         ({"heading_std": math.nan}, "heading_std must be 0 or more"),
         ({"scan_std": math.inf}, "scan_std must be 0 or more"),
         ({"dropout": 1.5}, "dropout is a share between 0 and 1"),
+        ({"pose_dropout": 1.5}, "pose_dropout is a share between 0 and 1"),
+        ({"delay": -1}, "delay must be 0 or more"),
     ],
 )
 def test_bad_noise(noise, message):
