@@ -35,9 +35,12 @@ def plot_seeds(file: Path, card: Mapping[str, Any]) -> Path:
     ):
         rows = np.array([[row[name] for row in curve] for curve in curves.values()])
         mean, std = rows.mean(0), rows.std(0)
-        axes.plot(steps, rows.T, color=SPREAD, alpha=0.35, linewidth=0.8)
-        axes.fill_between(steps, mean - std, mean + std, color=SPREAD, alpha=0.25, linewidth=0)
-        axes.plot(steps, mean, color=SPREAD, linewidth=2, label=f"mean of {len(rows)} seeds, one deviation")
+        if len(rows) > 1:
+            axes.plot(steps, rows.T, color=SPREAD, alpha=0.35, linewidth=0.8)
+            axes.fill_between(steps, mean - std, mean + std, color=SPREAD, alpha=0.25, linewidth=0)
+            axes.plot(
+                steps, mean, color=SPREAD, linewidth=2, label=f"mean of {len(rows)} seeds, one deviation"
+            )
         own = [row[name] for row in curves[best]]
         axes.plot(steps, own, color=BEST, linewidth=2, label=f"seed {best}, the best")
         axes.plot(card["judged"]["steps"] / 1e6, card["judged"][name], "o", color=BEST, label="kept")
