@@ -10,27 +10,21 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation import folder
-from hpp_framework.evaluation.experiment import CHUNK, Experiment, check_experiment, draw_episode, make_agents
+from hpp_framework.evaluation.experiment import Experiment, check_experiment
 from hpp_framework.evaluation.figures import plot_distance
 from hpp_framework.evaluation.film import FRAMES_PER_STEP, Camera, frames
 from hpp_framework.evaluation.marks import WHITE, robot_colors
-from hpp_framework.evaluation.record import EpisodeRecord, Recorder
+from hpp_framework.evaluation.record import EpisodeRecord
 from hpp_framework.evaluation.record_file import FILE, save_record
-from hpp_framework.evaluation.rollout import Episodes, median_ms, run_episodes
+from hpp_framework.evaluation.replay import Replay, replay
+from hpp_framework.evaluation.rollout import median_ms
 from hpp_framework.evaluation.video import write_video
 from hpp_framework.files import read_json
-from hpp_framework.registry import hub
-from hpp_framework.seeding import child_seed
-from hpp_framework.sim import make_simulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task import Task
-from hpp_framework.team import Team, parse_team
-from hpp_framework.worlds.loader import WorldFactory, resolve_world
-from hpp_framework.worlds.world import World
+from hpp_framework.worlds.loader import resolve_world
 
 CROSS = 0.22
 """Half the width of a goal's cross on the floor, metres."""
@@ -84,7 +78,8 @@ def showcase(
     configs = check_experiment(experiment, factories)
     config = folder.record(folder.RUN, {**asdict(experiment), **asdict(which)}, configs)
     folder.open_run(out, config)
-    shown = _simulate(experiment, factories[experiment.worlds[0]], which)
+    factory = factories[experiment.worlds[0]]
+    (shown,) = replay(experiment, factory, [which.episode], which.of)
     return _write(shown, config, out, say)
 
 
@@ -102,53 +97,7 @@ def recorded_episode(file: Path) -> Which:
     return Which(episode=episode, of=of)
 
 
-@dataclass(frozen=True)
-class _Shown:
-    """One episode with all that is written of it."""
-
-    team: Team
-    task: Task
-    world: World
-    episodes: Episodes
-    recorder: Recorder
-
-
-def _simulate(experiment: Experiment, factory: WorldFactory, which: Which) -> _Shown:
-    name, planner = experiment.worlds[0], experiment.planners[0]
-    team = parse_team(experiment.team, skill=experiment.skill)
-    task: Task = hub().tasks.create(experiment.task, team.robots)
-    drawn = _batch(experiment, factory, which)
-    first, index = min(drawn), list(drawn).index(which.episode)
-    worlds = [world for world, _ in drawn.values()]
-    starts = torch.from_numpy(np.stack([start for _, start in drawn.values()])).float()
-    seed = child_seed(experiment.seed, name, first)
-    agents = make_agents(experiment, planner, team, task, worlds[0].bounds, seed=seed)
-    recorder = Recorder(index=index)
-    with make_simulator(experiment.backend, team.robots) as simulator:
-        episodes = run_episodes(
-            simulator, worlds, starts, agents, task, noise=experiment.noise,
-            seed=child_seed(experiment.seed, name, first, "noise"), watch=recorder,
-        )  # fmt: skip
-    return _Shown(team, task, worlds[index], episodes, recorder)
-
-
-def _batch(
-    experiment: Experiment, factory: WorldFactory, which: Which
-) -> dict[int, tuple[World, npt.NDArray[np.floating]]]:
-    """Return world and start of the episodes that an evaluation runs side by side with the chosen one."""
-    name, chunk = experiment.worlds[0], CHUNK[experiment.backend]
-    own = draw_episode(experiment, name, factory, which.episode)
-    if not which.of:
-        return {which.episode: own}
-    first = which.episode - which.episode % chunk
-    drawn = {
-        number: draw_episode(experiment, name, factory, number)
-        for number in range(first, min(first + chunk, which.of))
-    }
-    return {number: pair for number, pair in drawn.items() if pair[0].bounds == own[0].bounds}
-
-
-def _write(shown: _Shown, config: dict[str, Any], out: Path, say: Callable[[str], None]) -> dict[str, Any]:
+def _write(shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str], None]) -> dict[str, Any]:
     """Write summary, record, plot and video, and return the summary."""
     planner, episodes = config["planners"][0], shown.episodes
     about = {
@@ -156,9 +105,7 @@ def _write(shown: _Shown, config: dict[str, Any], out: Path, say: Callable[[str]
         **{name: config[name] for name in ("preset", "team", "backend", "seed", "episode")},
     }  # fmt: skip
     more = {"config": config, "planner_config": config["planner_configs"].get(planner)}
-    record = shown.recorder.record(
-        {**about, **more}, shown.world, shown.team, episodes, period=CONTROL_PERIOD
-    )
+    record = shown.record(config["episode"], {**about, **more})
     ended = {name: value for name, value in record.about.items() if name not in more}
     summary = {**ended, "plan_ms_median": round(median_ms(episodes.plan_seconds), 3)}
     (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
@@ -167,7 +114,7 @@ def _write(shown: _Shown, config: dict[str, Any], out: Path, say: Callable[[str]
     number = f", episode {about['episode']}" if about["episode"] else ""
     where = f"{about['world']}, {about['backend']}, seed {about['seed']}{number}"
     say(f"{planner} ({about['preset']}) in {where}: {verdict}")
-    _plot(shown, f"{about['world']}: {verdict}", planner, out)
+    _plot(shown, config["episode"], f"{about['world']}: {verdict}", planner, out)
     film = frames(record, lambda size: _camera(shown, record, size, say))
     write_video(out / "episode.mp4", film, FRAMES_PER_STEP / CONTROL_PERIOD)
     say(
@@ -177,8 +124,8 @@ def _write(shown: _Shown, config: dict[str, Any], out: Path, say: Callable[[str]
     return summary
 
 
-def _plot(shown: _Shown, title: str, planner: str, out: Path) -> None:
-    index = shown.recorder.index
+def _plot(shown: Replay, number: int, title: str, planner: str, out: Path) -> None:
+    index = shown.recorders[number].index
     last = int(shown.episodes.last_step()[index])
     times = np.arange(last + 1) * CONTROL_PERIOD
     radius = shown.task.radius
@@ -189,7 +136,7 @@ def _plot(shown: _Shown, title: str, planner: str, out: Path) -> None:
 
 
 def _camera(
-    shown: _Shown, record: EpisodeRecord, size: tuple[int, int], say: Callable[[str], None]
+    shown: Replay, record: EpisodeRecord, size: tuple[int, int], say: Callable[[str], None]
 ) -> Camera | None:
     """Return a 3-D camera, or None after saying why there is none."""
     try:
@@ -203,8 +150,9 @@ def _camera(
         say(f"No 3-D view, the video shows the team from above. {problem}")
         return None
     robots, colors = shown.team.robots, robot_colors(shown.team.robots)
-    view = team_view(shown.world, record.poses[0], size=size)
-    camera = SceneCamera(shown.world, robots, view, size=size)
+    world = shown.worlds[record.about["episode"]]
+    view = team_view(world, record.poses[0], size=size)
+    camera = SceneCamera(world, robots, view, size=size)
 
     def picture(poses: npt.NDArray[np.floating], goals: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
         image = camera.picture(poses)
