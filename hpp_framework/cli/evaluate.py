@@ -59,6 +59,9 @@ class Evaluate:
     """Extra folders searched for weights of predictors and policies, separated by commas."""
     set: Pairs = ()
     """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
+    save: str = ""
+    """Episodes of each world and planner to keep for 'hpp inspect' (run again at the end): numbers, or
+    failures, touched, best, median, worst, all; separated by commas."""
     noise: Noise = field(default_factory=Noise)
     """Disturbances of what agents observe."""
     judge: tyro.conf.OmitSubcommandPrefixes[
@@ -75,6 +78,7 @@ class Evaluate:
             self.judge.run()
             return
         from hpp_framework.evaluation.experiment import run_experiment
+        from hpp_framework.evaluation.saving import SAVED, check_choice, save_episodes
         from hpp_framework.evaluation.summary import ALL
 
         experiment = to_experiment(
@@ -84,8 +88,11 @@ class Evaluate:
             planners=names(self.planners, "--planners"),
             episodes=self.episodes,
         )
+        if self.save:
+            check_choice(self.save, experiment.episodes)
         with cell_bars() as report:
             summary = run_experiment(experiment, self.out, progress=report)
+            saved = save_episodes(experiment, self.out, self.save, progress=report) if self.save else []
         console = Console(width=TABLE_WIDTH)
         console.print(summary_table(summary["cells"]))
         if together := [row for row in summary["aggregates"] if row["world"] == ALL]:
@@ -95,6 +102,11 @@ class Evaluate:
         if summary["blame"]:
             console.print("\nsuccess lost to", blame_table(summary["blame"]), sep="\n")
         print(f"episodes: {self.out / 'episodes.csv'}\nsummary:  {self.out / 'summary.json'}")
+        if self.save:
+            print(
+                f"saved:    {len(saved)} in {self.out / SAVED}"
+                + (f" (hpp inspect {saved[0]})" if saved else "")
+            )
 
     def _check_nothing_else(self) -> None:
         default = Evaluate()

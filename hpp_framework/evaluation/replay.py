@@ -55,6 +55,22 @@ class Replay:
         )
 
 
+def describe(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a record says of its episode.
+
+    Args:
+        config: what ``hpp run`` records to repeat it.
+    """
+    planner = config["planners"][0]
+    return {
+        "world": config["worlds"][0],
+        "planner": planner,
+        **{name: config[name] for name in ("preset", "team", "backend", "seed", "episode")},
+        "config": config,
+        "planner_config": config["planner_configs"].get(planner),
+    }
+
+
 def replay(
     experiment: Experiment, factory: WorldFactory, numbers: Sequence[int], of: int
 ) -> Iterator[Replay]:

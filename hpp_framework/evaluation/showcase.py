@@ -19,7 +19,7 @@ from hpp_framework.evaluation.film import FRAMES_PER_STEP, Camera, frames
 from hpp_framework.evaluation.marks import WHITE, robot_colors
 from hpp_framework.evaluation.record import EpisodeRecord
 from hpp_framework.evaluation.record_file import FILE, save_record
-from hpp_framework.evaluation.replay import Replay, replay
+from hpp_framework.evaluation.replay import Replay, describe, replay
 from hpp_framework.evaluation.rollout import median_ms
 from hpp_framework.evaluation.video import write_video
 from hpp_framework.files import read_json
@@ -99,14 +99,10 @@ def recorded_episode(file: Path) -> Which:
 
 def _write(shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str], None]) -> dict[str, Any]:
     """Write summary, record, plot and video, and return the summary."""
-    planner, episodes = config["planners"][0], shown.episodes
-    about = {
-        "world": config["worlds"][0], "planner": planner,
-        **{name: config[name] for name in ("preset", "team", "backend", "seed", "episode")},
-    }  # fmt: skip
-    more = {"config": config, "planner_config": config["planner_configs"].get(planner)}
-    record = shown.record(config["episode"], {**about, **more})
-    ended = {name: value for name, value in record.about.items() if name not in more}
+    about, episodes = describe(config), shown.episodes
+    planner = about["planner"]
+    record = shown.record(config["episode"], about)
+    ended = {name: value for name, value in record.about.items() if name not in ("config", "planner_config")}
     summary = {**ended, "plan_ms_median": round(median_ms(episodes.plan_seconds), 3)}
     (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
     save_record(out / FILE, record)
