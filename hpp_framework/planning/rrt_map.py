@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.robot import Lidar
-from hpp_framework.sensing import glimpses, lidar_poses
+from hpp_framework.sensing import BODY, glimpses, lidar_poses
 from hpp_framework.types import Observation
 from hpp_framework.worlds.occupancy import FreeSpace
 
@@ -20,8 +20,6 @@ RESOLUTION = 0.1
 """Metres a cell of a map made of lidar."""
 REACH = 8.0
 """How far such a map reaches beyond the team, metres."""
-BODY = 0.45
-"""Points nearer than this to the middle of another robot are on it, in metres."""
 STRIDE = 0.05
 """Metres between two points of a straight line that are looked up."""
 
