@@ -15,6 +15,7 @@ from hpp_framework.cli.doctor import Doctor
 from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.inspect import Inspect
 from hpp_framework.cli.list import List
+from hpp_framework.cli.reproduce import Reproduce
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.search import Search
 from hpp_framework.cli.train import Train
@@ -25,6 +26,7 @@ Command = (
     Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Inspect, tyro.conf.subcommand("inspect")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[Collect, tyro.conf.subcommand("collect")]
     | Annotated[Train, tyro.conf.subcommand("train")]
@@ -62,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _after_interruption(command: object) -> str:
-    if isinstance(command, Evaluate | Collect | Train | Search):
+    if isinstance(command, Evaluate | Collect | Reproduce | Train | Search):
         return "What was finished is kept; the same command resumes."
     if isinstance(command, Bench):
         return f"What was finished is in '{command.out}'; the same command starts over."

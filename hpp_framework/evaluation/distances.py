@@ -7,6 +7,7 @@ paper show: means and quantiles over the episodes of each world and planner.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,7 @@ def write_bands(out: Path, worlds: Sequence[str], planners: Sequence[str], first
     count = np.zeros(shape, np.int64)
     mean, std = np.full((*shape, steps), np.nan), np.full((*shape, steps), np.nan)
     quantiles = np.full((*shape, len(QUANTILES), steps), np.nan)
-    for place in np.ndindex(shape):
+    for place in product(range(len(worlds)), range(len(planners))):
         files = [curve_file(out, *place, first) for first in firsts]
         if all(file.exists() for file in files):
             curves = np.concatenate([np.load(file, allow_pickle=False) for file in files]).astype(np.float64)

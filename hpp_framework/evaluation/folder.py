@@ -45,10 +45,15 @@ def record(command: str, experiment: Mapping[str, Any], planner_configs: Mapping
         **experiment,
         "command": command,
         "world_files": digests(experiment["worlds"]),
-        "versions": {"python": platform.python_version(), **installed(PACKAGES)},
+        "versions": installed_versions(),
         "planner_configs": dict(planner_configs),
     }
     return json.loads(json.dumps(content, default=str))
+
+
+def installed_versions() -> dict[str, str | None]:
+    """Return the versions that numbers may depend on."""
+    return {"python": platform.python_version(), **installed(PACKAGES)}
 
 
 def digests(worlds: Sequence[str]) -> dict[str, str]:

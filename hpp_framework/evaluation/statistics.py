@@ -63,21 +63,30 @@ def paired_difference(first: Bool[np.ndarray, "e"], second: Bool[np.ndarray, "e"
     all pairs agree.
     """
     total = len(first)
-    one, two = rate(first), rate(second)
     both, neither = int((first & second).sum()), int((~first & ~second).sum())
     only_first, only_second = int((first & ~second).sum()), int((~first & second).sum())
     margins = (both + only_first) * (only_second + neither) * (both + only_second) * (only_first + neither)
     surplus = both * neither - only_first * only_second
     if surplus > 0:
         surplus = max(surplus - total / 2, 0)
-    phi = surplus / math.sqrt(margins) if margins else 0.0
+    return _joined(rate(first), rate(second), surplus / math.sqrt(margins) if margins else 0.0)
 
-    def joined(here: float, there: float) -> float:
-        return math.sqrt(max(here**2 - 2 * phi * here * there + there**2, 0))
+
+def independent_difference(first: Bool[np.ndarray, "e"], second: Bool[np.ndarray, "f"]) -> Estimate:
+    """Return the difference of two success rates on different episodes, first minus second.
+
+    The interval is Newcombe's (1998, Statistics in Medicine 17:873, method 10).
+    """
+    return _joined(rate(first), rate(second), 0.0)
+
+
+def _joined(one: Estimate, two: Estimate, correlation: float) -> Estimate:
+    def length(here: float, there: float) -> float:
+        return math.sqrt(max(here**2 - 2 * correlation * here * there + there**2, 0))
 
     value = one.value - two.value
-    low = value - joined(one.value - one.low, two.high - two.value)
-    return Estimate(value, low, value + joined(one.high - one.value, two.value - two.low))
+    low = value - length(one.value - one.low, two.high - two.value)
+    return Estimate(value, low, value + length(one.high - one.value, two.value - two.low))
 
 
 def mcnemar_p(first: Bool[np.ndarray, "e"], second: Bool[np.ndarray, "e"]) -> float:

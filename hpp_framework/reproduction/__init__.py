@@ -1,0 +1,1 @@
+"""The whole paper, reproduced: what is run, how it is judged, and the page that shows it."""

@@ -1,0 +1,185 @@
+"""The experiments of a reproduction, at three scales."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+from hpp_framework.errors import unknown_name
+from hpp_framework.evaluation.experiment import Experiment
+from hpp_framework.evaluation.predictor_study import PredictorStudy
+from hpp_framework.reproduction.plan import Curves, Planned
+from hpp_framework.sensing import NoiseModel
+
+SIMULATED = ("simple", "wall", "navigation")
+SCANNED = ("real-simple", "real-wall", "real-forest", "real-roundabout")
+
+BEST, PAPER = "hpp", "hpp:preset=paper"
+CENTRALIZED = ("centralized-mp", "centralized-oa", "centralized-rp")
+RRT = ("rrt-mp", "rrt-oa", "rrt-cem")
+MAPPED = tuple(f"{name}:known_map=true" for name in RRT)
+LEARNED = "maddpg"
+CEILINGS = ("full-communication", "perfect-model")
+
+KINDS = ("delta-pose-lidar", "pose-lidar", "delta-general-pose-lidar")
+"""The paper's motion models; its own first."""
+
+FREQUENCIES = tuple(f"hpp:plan_every={steps}" for steps in (5, 10, 15))
+HORIZONS = tuple(f"hpp:horizon={steps}" for steps in (5, 2, 10, 20))
+SAMPLING = (
+    "hpp", "hpp:cem.iterations=5", "hpp:cem.iterations=30", "hpp:cem.samples=30", "hpp:cem.elites=10",
+    "hpp:cem.elites=15",
+)  # fmt: skip
+SWITCHES = (
+    BEST, "hpp:guide=false", "hpp:guard=false", "hpp:respond=false", "hpp:mixture=false", "hpp:evidence=0",
+    "hpp:shadow=0", "hpp:doubt=0", "hpp:keep=0", "hpp:terminal=0", "hpp:shared=false", "hpp:horizon=5",
+)  # fmt: skip
+SWITCHED_WORLDS = ("wall", "navigation", "real-roundabout")
+MODELS = (
+    BEST, "hpp:predictor=constant-velocity:horizon=75", "hpp:predictor=delta-pose-lidar:horizon=25",
+)  # fmt: skip
+"""A model that knows nothing of goals, 15 s ahead, and the paper's own, 5 s ahead."""
+DISTURBED = (BEST, PAPER, "centralized-mp")
+
+DISTURBANCES = {
+    "pose-noise-0.05": ("poses off by 5 cm and 0.05 rad", NoiseModel(position_std=0.05, heading_std=0.05)),
+    "pose-noise-0.2": ("poses off by 20 cm and 0.2 rad", NoiseModel(position_std=0.2, heading_std=0.2)),
+    "pose-delay-5": ("the others' poses come 1 s late", NoiseModel(delay=5)),
+    "pose-delay-15": ("the others' poses come 3 s late", NoiseModel(delay=15)),
+    "pose-dropout-0.5": ("half of the others' poses are lost", NoiseModel(pose_dropout=0.5)),
+    "pose-dropout-0.9": ("nine of ten of the others' poses are lost", NoiseModel(pose_dropout=0.9)),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How much is run.
+
+    Attributes:
+        episodes: a cell of the main comparison.
+        ablation: episodes a cell of everything else.
+        trajectories: a world, on which motion models are asked.
+        worlds: the first so many of each experiment's worlds.
+        arms: the first so many planners of each ablation.
+        disturbances: the first so many of them.
+    """
+
+    episodes: int
+    ablation: int
+    trajectories: int
+    worlds: int | None = None
+    arms: int | None = None
+    disturbances: int | None = None
+
+
+SCALES = {
+    "smoke": Scale(episodes=2, ablation=2, trajectories=4, worlds=2, arms=2, disturbances=1),
+    "standard": Scale(episodes=100, ablation=100, trajectories=200),
+    "full": Scale(episodes=500, ablation=500, trajectories=1000),
+}
+
+
+def experiments(scale: str, seed: int) -> list[Planned]:
+    """Return everything that is run, the longest first.
+
+    Args:
+        scale: name of one of :data:`SCALES`.
+        seed: of worlds, starts and agents; all experiments share their episodes.
+
+    Raises:
+        UnknownNameError: if there is no such scale.
+    """
+    if scale not in SCALES:
+        raise unknown_name("scale", scale, SCALES)
+    size = SCALES[scale]
+    main = Planned(
+        name="main", title="All planners in all worlds", figure="figures 4, 5 and 7",
+        work=Experiment(
+            worlds=(*SIMULATED[: size.worlds], *SCANNED[: size.worlds and size.worlds - 1]),
+            planners=(BEST, PAPER, *CENTRALIZED, *RRT, *MAPPED, LEARNED, *CEILINGS),
+            episodes=size.episodes, seed=seed,
+        ),
+    )  # fmt: skip
+    parts = (_faithful(size, seed), _ours(size, seed), _disturbed(size, seed), _models(size, seed))
+    return [main, *chain(*parts)]
+
+
+def _faithful(size: Scale, seed: int) -> list[Planned]:
+    """Return the paper's ablations, of its own planner."""
+
+    def ablation(
+        name: str, title: str, figure: str, planners: Sequence[str], *, worlds: Sequence[str] = SIMULATED,
+        preset: str = "paper", task: str = "rendezvous",
+    ) -> Planned:  # fmt: skip
+        work = Experiment(
+            worlds=tuple(worlds[: size.worlds]), planners=tuple(planners[: size.arms]), preset=preset,
+            episodes=size.ablation, seed=seed, task=task,
+        )  # fmt: skip
+        return Planned(name=name, title=title, figure=figure, work=work)
+
+    return [
+        ablation("frequency", "Planning every 5, 10 or 15 steps", "figure 10", FREQUENCIES),
+        ablation("horizon", "How far plans look ahead, in steps", "figure 11", HORIZONS),
+        ablation("sampling", "Iterations, samples and elites of CEM", "appendix C.1", SAMPLING),
+        ablation(
+            "prediction", "What motion models predict", "figure 9",
+            [f"hpp:predictor={kind}" for kind in KINDS], worlds=SIMULATED[1:2],
+        ),
+        ablation(
+            "accumulated", "The reward that the paper rejected", "appendix A", ["hpp"],
+            task="rendezvous-accumulated",
+        ),
+        ablation("plain-rrt", "RRT paths as they are, without tuning", "figure 5", RRT),
+    ]  # fmt: skip
+
+
+def _ours(size: Scale, seed: int) -> list[Planned]:
+    """Return what the paper does not ask: which parts of preset best matter, and how good models must be."""
+
+    def work(planners: Sequence[str]) -> Experiment:
+        return Experiment(
+            worlds=SWITCHED_WORLDS[: size.worlds], planners=tuple(planners[: size.arms]),
+            episodes=size.ablation, seed=seed,
+        )  # fmt: skip
+
+    return [
+        Planned(
+            name="switches", title="Preset best without each of its parts", figure=None, work=work(SWITCHES)
+        ),
+        Planned(
+            name="models", title="Preset best with poorer motion models", figure=None, work=work(MODELS)
+        ),
+    ]  # fmt: skip
+
+
+def _disturbed(size: Scale, seed: int) -> list[Planned]:
+    chosen = list(DISTURBANCES.items())[: size.disturbances]
+    return [
+        Planned(
+            name=name, title=f"Worse knowledge of poses: {words}", figure=None,
+            work=Experiment(
+                worlds=SWITCHED_WORLDS[: size.worlds], planners=DISTURBED[: size.arms],
+                episodes=size.ablation, seed=seed, noise=noise,
+            ),
+        )
+        for name, (words, noise) in chosen
+    ]  # fmt: skip
+
+
+def _models(size: Scale, seed: int) -> list[Planned]:
+    worlds = ("training", *SIMULATED)[: size.worlds]
+    study = PredictorStudy(
+        predictors=(*KINDS, "far-sighted"), worlds=worlds, trajectories=size.trajectories, seed=seed
+    )
+    return [
+        Planned(name="predictors", title="Errors of the motion models", figure="appendix C.3", work=study),
+        Planned(
+            name="losses", title="Training losses of the motion models", figure="figure 12",
+            work=Curves(source="predictors", predictors=(*KINDS, "far-sighted")),
+        ),
+        Planned(
+            name="maddpg-training", title="Training curves of MADDPG", figure="figure 8",
+            work=Curves(source="maddpg"),
+        ),
+    ]  # fmt: skip

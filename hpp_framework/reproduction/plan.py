@@ -1,0 +1,178 @@
+"""What is run to reproduce the paper, and the command that repeats each part alone."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Literal
+
+from hpp_framework.errors import ConfigError, unknown_name
+from hpp_framework.evaluation.experiment import Experiment
+from hpp_framework.evaluation.folder import installed_versions
+from hpp_framework.evaluation.predictor_study import PredictorStudy
+from hpp_framework.files import read_json, replacing
+from hpp_framework.sensing import NoiseModel
+
+PLAN, EXPERIMENTS = "plan.json", "experiments"
+PLANNERS, PREDICTOR, CURVE = "planners", "predictor", "curve"
+
+NOISE_OPTIONS: Mapping[str, str] = {
+    "position_std": "pose", "heading_std": "heading", "scan_std": "lidar", "dropout": "dropout",
+    "delay": "delay", "pose_dropout": "pose-dropout",
+}  # fmt: skip
+"""Options of the command line by field of :class:`NoiseModel`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curves:
+    """Training curves, which the cards of the shipped weights hold: nothing is trained.
+
+    Attributes:
+        source: ``"maddpg"``: return by steps and seed; ``"predictors"``: losses by kind and model.
+        team: whose weights.
+        predictors: registered kinds, if those are asked for.
+        weights: extra folders searched for weights.
+    """
+
+    source: Literal["maddpg", "predictors"]
+    team: str = "fetch,freight"
+    predictors: tuple[str, ...] = ()
+    weights: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planned:
+    """One experiment of a reproduction.
+
+    Attributes:
+        name: of its folder.
+        title: what it asks.
+        figure: what of the paper it answers, in words; None for what the paper does not ask.
+        work: what is run.
+    """
+
+    name: str
+    title: str
+    figure: str | None
+    work: Experiment | PredictorStudy | Curves
+
+    @property
+    def kind(self) -> str:
+        """Return ``"planners"``, ``"predictor"`` or ``"curve"``."""
+        return {Experiment: PLANNERS, PredictorStudy: PREDICTOR, Curves: CURVE}[type(self.work)]
+
+    @property
+    def cells(self) -> int:
+        """Return how many parts its progress counts."""
+        if isinstance(self.work, Experiment):
+            return len(self.work.worlds) * len(self.work.planners)
+        return len(self.work.worlds) if isinstance(self.work, PredictorStudy) else 1
+
+    def folder(self, out: Path) -> Path:
+        """Return where its results lie."""
+        return out / EXPERIMENTS / self.name
+
+    def command(self) -> str:
+        """Return the command that does this alone."""
+        if isinstance(self.work, Experiment):
+            return shlex.join(["hpp", "evaluate", *_evaluate_options(self.work), "--out", f"out/{self.name}"])
+        if isinstance(self.work, PredictorStudy):
+            return shlex.join(
+                ["hpp", "evaluate", "predictor", *_study_options(self.work), "--out", f"out/{self.name}"]
+            )
+        if self.work.source == "maddpg":
+            return shlex.join(
+                ["hpp", "train", "maddpg", "--team", self.work.team, "--out", f"out/{self.name}"]
+            )
+        return "hpp train predictor KIND --data DATA (the exact command is on each model's card)"
+
+
+def _evaluate_options(work: Experiment) -> list[str]:
+    default = Experiment(worlds=work.worlds, planners=work.planners)
+    options = [
+        "--worlds", ",".join(work.worlds), "--planners", ",".join(work.planners),
+        "--episodes", str(work.episodes), "--seed", str(work.seed),
+    ]  # fmt: skip
+    for name in ("team", "preset", "backend", "task", "skill"):
+        if getattr(work, name) != getattr(default, name):
+            options += [f"--{name}", str(getattr(work, name))]
+    options += _noise_options(work.noise)
+    if work.weights:
+        options += ["--weights", ",".join(work.weights)]
+    for name, value in work.settings.items():
+        options += ["--set", f"{name}={value}"]
+    return options
+
+
+def _study_options(work: PredictorStudy) -> list[str]:
+    first, *others = work.predictors
+    options = [
+        first, "--team", work.team, "--worlds", ",".join(work.worlds),
+        "--trajectories", str(work.trajectories), "--seconds", f"{work.seconds:g}", "--seed", str(work.seed),
+    ]  # fmt: skip
+    if others:
+        options += ["--compare", ",".join(others)]
+    if work.weights:
+        options += ["--weights", ",".join(work.weights)]
+    return [*options, *_noise_options(work.noise)]
+
+
+def _noise_options(noise: NoiseModel) -> list[str]:
+    changed = [each.name for each in fields(noise) if getattr(noise, each.name) != each.default]
+    return [
+        text for name in changed for text in (f"--noise.{NOISE_OPTIONS[name]}", f"{getattr(noise, name):g}")
+    ]
+
+
+def choose(planned: Sequence[Planned], only: Sequence[str]) -> list[Planned]:
+    """Return the experiments of some names, all if none is given.
+
+    Raises:
+        UnknownNameError: if there is no experiment of a name.
+    """
+    known = [each.name for each in planned]
+    for name in only:
+        if name not in known:
+            raise unknown_name("experiment", name, known)
+    return [each for each in planned if not only or each.name in only]
+
+
+def write_plan(out: Path, scale: str, seed: int, planned: Sequence[Planned]) -> None:
+    """Write ``plan.json``, or check that the folder holds the same reproduction.
+
+    Args:
+        out: folder of the reproduction.
+        scale: its name.
+        seed: of worlds, starts and agents.
+        planned: all experiments of the scale.
+
+    Raises:
+        ConfigError: if the folder holds another reproduction, is damaged, or cannot be written.
+    """
+    content = json.loads(json.dumps({
+        "scale": scale, "seed": seed, "versions": installed_versions(),
+        "experiments": [
+            {"name": each.name, "title": each.title, "kind": each.kind, "figure": each.figure,
+             "folder": f"{EXPERIMENTS}/{each.name}", "command": each.command(),
+             "arguments": asdict(each.work)}
+            for each in planned
+        ],
+    }))  # fmt: skip
+    file = out / PLAN
+    if file.exists():
+        found = read_json(file)
+        different = [key for key in ("scale", "seed", "experiments") if found.get(key) != content[key]]
+        if different:
+            raise ConfigError(
+                f"'{out}' holds another reproduction ({', '.join(different)} differ). Choose another --out, "
+                "or repeat the same options to resume it."
+            )
+        return
+    try:
+        with replacing(file) as temporary:
+            temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error
