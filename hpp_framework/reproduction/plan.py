@@ -87,7 +87,20 @@ class Planned:
             return shlex.join(
                 ["hpp", "train", "maddpg", "--team", self.work.team, "--out", f"out/{self.name}"]
             )
-        return "hpp train predictor KIND --data DATA (the exact command is on each model's card)"
+        first, *others = self.work.predictors
+        # it draws the losses of all that it asks
+        return shlex.join(
+            [
+                "hpp",
+                "evaluate",
+                "predictor",
+                first,
+                "--compare",
+                ",".join(others),
+                "--out",
+                f"out/{self.name}",
+            ]
+        )
 
 
 def _evaluate_options(work: Experiment) -> list[str]:
