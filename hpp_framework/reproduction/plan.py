@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation.experiment import Experiment
@@ -153,6 +153,14 @@ def choose(planned: Sequence[Planned], only: Sequence[str]) -> list[Planned]:
     return [each for each in planned if not only or each.name in only]
 
 
+def _asked(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of a plan must be the same to resume: titles and wordings need not."""
+    listed = plan.get("experiments")
+    experiments: Any = listed if isinstance(listed, list) else []
+    asked = [(each.get("name"), each.get("arguments")) for each in experiments if isinstance(each, dict)]
+    return {"scale": plan.get("scale"), "seed": plan.get("seed"), "experiments": asked}
+
+
 def write_plan(out: Path, scale: str, seed: int, planned: Sequence[Planned]) -> None:
     """Write ``plan.json``, or check that the folder holds the same reproduction.
 
@@ -177,7 +185,7 @@ def write_plan(out: Path, scale: str, seed: int, planned: Sequence[Planned]) -> 
     file = out / PLAN
     if file.exists():
         found = read_json(file)
-        different = [key for key in ("scale", "seed", "experiments") if found.get(key) != content[key]]
+        different = [key for key, value in _asked(content).items() if _asked(found).get(key) != value]
         if different:
             raise ConfigError(
                 f"'{out}' holds another reproduction ({', '.join(different)} differ). Choose another --out, "
