@@ -13,7 +13,7 @@ from hpp_framework.reproduction.report_data import Band, Curve
 from hpp_framework.reproduction.report_html import Markup
 from hpp_framework.reproduction.report_svg import BEST, FAINT, INK, SPREAD, Style, panel, svg
 
-DOTS_WIDTH = 4.1
+DOTS_WIDTH = 3.7
 """Inches of a chart of dots, which has names beside it."""
 
 

@@ -48,7 +48,7 @@ def _film(rank: str, record: EpisodeRecord) -> Markup:
     video = tag(
         "video", src=data_uri(_encoded(frames, FASTER / record.period), "video/mp4"),
         poster=_picture(frames[-1]), width=str(SIDE), height=str(SIDE), controls=True, muted=True, loop=True,
-        playsinline=True, preload="none", aria_label=alt,
+        playsinline=True, preload="metadata", aria_label=alt,
     )  # fmt: skip
     return tag("figure", video, tag("figcaption", tag("b", rank), f" {ended}, episode {about['episode']}"))
 

@@ -162,10 +162,10 @@ def _losses(losses: Mapping[str, Mapping[str, Sequence[Sequence[float]]]]) -> Ma
     styles = plain_styles(models)
     panels: list[Markup] = []
     for kind, found in losses.items():
-        curves = {model: (np.array(points, np.float64)[:, 0], np.array(points, np.float64)[:, 1])
+        curves = {model: (np.array(points, np.float64)[:, 0] / 1e3, np.array(points, np.float64)[:, 1])
                   for model, points in found.items() if points}  # fmt: skip
         if curves:
-            axes = Axes(title=kind, x="gradient step", y="loss, in the kind's own units")
+            axes = Axes(title=kind, x="thousand gradient steps", y="loss, in the kind's own units")
             panels.append(_panel(lines(curves, styles, axes)))
     return join(key(styles), tag("div", join(*panels), class_="panels")) if panels else note(NOT_RUN)
 

@@ -59,7 +59,7 @@ def claims_table(claims: Sequence[Row], known: Sequence[str]) -> Markup:
     ]
     heads = (
         Column("the paper says", number=False),
-        Column("", number=False),
+        Column("verdict", number=False),
         Column("evidence", number=False),
     )
     return tag("div", table(heads, rows, label="claims of the paper"), class_="claims")
