@@ -33,6 +33,8 @@ class Reproduce:
     """Names of experiments, separated by commas, e.g. main,frequency; all if left out."""
     workers: int | None = None
     """Processes, one thread each (default: as many as there are cores); the results do not depend on it."""
+    films: bool = True
+    """Whether the report shows films of chosen episodes; their cells are run once more for that."""
     out: Path = Path("out/reproduce")
     """Folder to write to."""
 
@@ -49,7 +51,8 @@ class Reproduce:
         only = names(self.only, "--only") if self.only else ()
         show_steps(reproduce(self.out, scale=self.scale, seed=self.seed, only=only, workers=workers))
         print(*verdict_lines(write_claims(self.out)), sep="\n")
-        print(f"claims: {self.out / 'claims.json'}\nreport: {write_report(self.out)}")
+        print(f"claims: {self.out / 'claims.json'}")
+        print(f"report: {write_report(self.out, films=self.films, say=print)}")
 
 
 def show_steps(steps: Iterable[Step]) -> None:
