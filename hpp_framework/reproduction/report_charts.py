@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,8 @@ from hpp_framework.reproduction.report_svg import BEST, FAINT, INK, SPREAD, Styl
 
 DOTS_WIDTH = 3.7
 """Inches of a chart of dots, which has names beside it."""
+LABEL = 22
+"""Characters of a line of such a name; the rest goes below."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,11 +86,13 @@ class Dot:
 
 def dots(found: Sequence[Dot], *, title: str, x: str, alt: str) -> Markup:
     """Draw shares between 0 and 1 below one another with their intervals."""
-    with panel(DOTS_WIDTH, 0.75 + 0.24 * len(found)) as (figure, plot):
+    labels = [textwrap.fill(dot.label, LABEL) for dot in found]
+    pitch = 0.08 + 0.16 * max(label.count("\n") + 1 for label in labels)
+    with panel(DOTS_WIDTH, 0.75 + pitch * len(found)) as (figure, plot):
         for place, dot in enumerate(found):
             plot.plot([dot.low, dot.high], [place, place], color=dot.color, linewidth=2.4, alpha=0.55)
             plot.plot([dot.value], [place], "o", color=dot.color, markersize=6)
-        plot.set_yticks(range(len(found)), [dot.label for dot in found])
+        plot.set_yticks(range(len(found)), labels)
         plot.set(ylim=(len(found) - 0.4, -0.6), xlim=(-0.02, 1.02))
         plot.set_xticks([0, 0.25, 0.5, 0.75, 1], ["0", "0.25", "0.5", "0.75", "1"])
         plot.grid(axis="y", visible=False)

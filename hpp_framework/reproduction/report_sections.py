@@ -181,12 +181,16 @@ def _sources(ran: Ran, figure: PaperFigure, *, alone: bool) -> list[Markup]:
     shown = variants(ran, figure.planners)
     if not shown or not worlds:
         return [*head, note(NOT_RUN)]
+    if _preset(ran) != "best":
+        head.append(note(f"Preset {_preset(ran)}."))
     return [*head, over_time(shown, worlds), details("success with intervals", successes(shown, worlds))]
 
 
 def _group(title: str, group: Sequence[Ran], main: Ran | None) -> Markup:
     """Return experiments that ask the same; several stand beside the main comparison, undisturbed."""
-    asked = f"The paper: {group[0].figure}." if group[0].figure else None
+    said = [f"The paper: {group[0].figure}."] if group[0].figure else []
+    said += [f"Preset {_preset(group[0])}."] if _preset(group[0]) != "best" else []
+    asked = " ".join(said)
     name = f"ablation-{anchor(group[0].name)}"
     ran = [each for each in group if each.rows("cells")]
     if not ran:
@@ -223,3 +227,8 @@ def _strata(ran: Ran) -> list[str]:
 
 def _after(title: str) -> str:
     return title.split(":", 1)[-1].strip()
+
+
+def _preset(ran: Ran) -> str:
+    """Return the preset of planners that name none."""
+    return str((ran.config or {}).get("preset", "best"))
