@@ -27,7 +27,10 @@ Rows = Sequence[EpisodeRow]
 
 def _by_merit(rows: Rows) -> list[EpisodeRow]:
     """Return rows from best to worst: by RPL, failures by how far apart the robots ended."""
-    return sorted(rows, key=lambda row: (-row.success, -_known(row.rpl), row.time_s, row.final_distance_m))
+    # failures have no time, and NaN has no place in an order
+    return sorted(
+        rows, key=lambda row: (-row.success, -_known(row.rpl), _known(row.time_s), row.final_distance_m)
+    )
 
 
 def _known(value: float) -> float:

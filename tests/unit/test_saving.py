@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -52,6 +53,13 @@ def test_words_and_numbers_choose_episodes(text, numbers):
 def test_the_worst_failure_is_the_one_farthest_apart():
     many = [row(i, rpl=0.0, far=float(i)) for i in range(5)]
     assert choose("worst", many) == [2, 3, 4]
+
+
+def test_failures_read_from_a_file_are_ordered_too():
+    """Every NaN of a file is an object of its own, and equal to none."""
+    far = [3.0, 1.0, 5.0, 2.0, 4.0]
+    many = [replace(row(i, rpl=0.0, far=metres), time_s=float("nan")) for i, metres in enumerate(far)]
+    assert choose("worst", many) == [0, 2, 4]
 
 
 @pytest.mark.parametrize(("text", "said"), [("failure", "failures, touched"), ("6", "of 6"), ("", "numbers")])
