@@ -14,7 +14,7 @@ from torch import Tensor
 
 from hpp_framework import guard_kernels
 from hpp_framework.errors import ConfigError
-from hpp_framework.kernels import wp
+from hpp_framework.kernels import vectors, wp
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sensing import BODY, KEYFRAMES
 from hpp_framework.sim.simulator import CONTROL_PERIOD
@@ -80,7 +80,7 @@ class Guard:
             poses = torch.cat([earlier.poses[:, -memory:], poses], 1)
             scans = torch.cat([earlier.scans[:, -memory:], scans], 1)
         size, device = len(command), wp.device_from_torch(command.device)
-        velocity = _vectors(observation.velocity)
+        velocity = vectors(observation.velocity)
         points = wp.from_torch(command.new_empty(size, POINTS, 3), dtype=wp.vec3)
         counts = wp.from_torch(torch.empty(size, dtype=torch.int32, device=command.device))
         corrected = torch.empty_like(command)
@@ -88,7 +88,7 @@ class Guard:
             guard_kernels.gather,
             dim=size,
             inputs=[
-                wp.from_torch(scans.contiguous()), _vectors(self._beams.to(scans)), _vectors(poses),
+                wp.from_torch(scans.contiguous()), vectors(self._beams.to(scans)), vectors(poses),
                 observation.agent, velocity, self._limits, points, counts,
             ],
             device=device,
@@ -96,7 +96,7 @@ class Guard:
         wp.launch(
             guard_kernels.correct,
             dim=size,
-            inputs=[_vectors(command), velocity, points, counts, self._limits, _vectors(corrected)],
+            inputs=[vectors(command), velocity, points, counts, self._limits, vectors(corrected)],
             device=device,
         )
         return corrected
@@ -113,8 +113,3 @@ def _limits(robot: RobotSpec, config: GuardConfig) -> Any:
     out.body, out.period = BODY, CONTROL_PERIOD
     out.margin, out.way_out = config.margin, config.way_out
     return out
-
-
-def _vectors(tensor: Tensor) -> Any:
-    """Hand a tensor to Warp as an array of 2- or 3-vectors."""
-    return wp.from_torch(tensor.contiguous(), dtype=wp.vec2 if tensor.shape[-1] == 2 else wp.vec3)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Any
 
 import warp as wp
+from torch import Tensor
 
-__all__ = ["wp"]
+__all__ = ["vectors", "wp"]
 
 wp.config.log_level = wp.LOG_ERROR
 
@@ -27,3 +29,8 @@ def _initialise() -> None:
 
 
 _initialise()
+
+
+def vectors(tensor: Tensor) -> Any:
+    """Hand a tensor (..., 2) or (..., 3) to Warp as an array of vectors."""
+    return wp.from_torch(tensor.contiguous(), dtype=wp.vec2 if tensor.shape[-1] == 2 else wp.vec3)

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.kernels import wp
+from hpp_framework.kernels import vectors, wp
 from hpp_framework.prediction import chart_kernels
 from hpp_framework.robot import Lidar
 from hpp_framework.sensing import glimpses, lidar_poses
@@ -99,15 +99,15 @@ def draw_chart(
         chart_kernels.mark,
         dim=count,
         inputs=[
-            _vectors(eyes), _vectors(beams), wp.from_torch(scans.contiguous()), _vectors(poses), agent,
-            lidar.max_range - 0.01, BODY, _vectors(origins), RESOLUTION, _vectors(seen),
+            vectors(eyes), vectors(beams), wp.from_torch(scans.contiguous()), vectors(poses), agent,
+            lidar.max_range - 0.01, BODY, vectors(origins), RESOLUTION, vectors(seen),
         ],
         device=device,
     )  # fmt: skip
     wp.launch(
         chart_kernels.dilate,
         dim=count,
-        inputs=[_vectors(seen), CLEAR / RESOLUTION, wp.from_torch(clearance)],
+        inputs=[vectors(seen), CLEAR / RESOLUTION, wp.from_torch(clearance)],
         device=device,
     )
     starts = ((subjects - origins[:, None]) / RESOLUTION).contiguous()
@@ -116,7 +116,7 @@ def draw_chart(
         chart_kernels.sweep,
         dim=starts.shape[:2],
         inputs=[
-            wp.from_torch(clearance), _vectors(starts),
+            wp.from_torch(clearance), vectors(starts),
             wp.from_torch(((radii - RESOLUTION / 2) / RESOLUTION).to(own)), COMFORT / RESOLUTION, BLOCKED,
             wp.from_torch(torch.empty_like(fields).view(-1)), wp.from_torch(fields.view(-1)),
         ],
@@ -141,8 +141,8 @@ def charted_ways(chart: Chart, goals: Float[Tensor, "b g 2"], arcs: Float[Tensor
         chart_kernels.trace,
         dim=shape,
         inputs=[
-            wp.from_torch(chart.fields), _vectors(chart.starts), _vectors(cells),
-            wp.from_torch((arcs / RESOLUTION).to(goals)), _vectors(lengths), _vectors(points),
+            wp.from_torch(chart.fields), vectors(chart.starts), vectors(cells),
+            wp.from_torch((arcs / RESOLUTION).to(goals)), vectors(lengths), vectors(points),
         ],
         device=wp.device_from_torch(goals.device),
     )  # fmt: skip
@@ -170,14 +170,9 @@ def clearance_around(
         chart_kernels.look_around,
         dim=frames.shape[:3],
         inputs=[
-            wp.from_torch(chart.clearance), _vectors(placed), _vectors((grid / RESOLUTION).to(frames)),
+            wp.from_torch(chart.clearance), vectors(placed), vectors((grid / RESOLUTION).to(frames)),
             CLEAR / RESOLUTION, wp.from_torch(around),
         ],
         device=wp.device_from_torch(frames.device),
     )  # fmt: skip
     return around
-
-
-def _vectors(tensor: Tensor) -> object:
-    """Hand a tensor to Warp as an array of 2- or 3-vectors."""
-    return wp.from_torch(tensor.contiguous(), dtype=wp.vec2 if tensor.shape[-1] == 2 else wp.vec3)

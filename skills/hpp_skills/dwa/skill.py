@@ -12,7 +12,7 @@ from torch import Tensor
 
 from hpp_framework import geometry
 from hpp_framework.crew import Crew, Job
-from hpp_framework.kernels import wp
+from hpp_framework.kernels import vectors, wp
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.skill import Skill
@@ -60,11 +60,8 @@ class DynamicWindow(Skill):
         commands = self.config.speeds * self.config.turns + 1
         device = wp.device_from_torch(out.device)
 
-        def vectors(tensor: Tensor) -> Any:
-            return wp.from_torch(tensor.contiguous(), dtype=wp.vec2)
-
         scans = wp.from_torch(observation.scans.contiguous())
-        poses = wp.from_torch(observation.poses[:, :, observation.agent].contiguous(), dtype=wp.vec3)
+        poses = vectors(observation.poses[:, :, observation.agent])
         velocities = vectors(observation.velocity)
         goals = vectors(geometry.to_frame(observation.pose, goal))
         points = wp.from_torch(out.new_empty(size, 2 * beams, 3), dtype=wp.vec3)
