@@ -82,34 +82,48 @@ def _opencv() -> Finding:
 def _plugins() -> Finding:
     from hpp_framework.registry import hub
 
-    counts = [f"{sum(1 for _ in registry)} {name}" for name, registry in hub().registries().items()]
-    return Finding("plugins", ", ".join(counts[:6]))
+    registries = hub().registries()
+    counts = [f"{sum(1 for _ in registry)} {name}" for name, registry in registries.items()]
+    reasons = [plugin.reason for plugin in hub().broken]
+    for registry in registries.values():
+        for name in registry.clashes():
+            reasons.append(registry.clash(name))
+    detail = ", ".join(counts[:6])
+    if reasons:
+        detail += f"; {len(reasons)} {'problem' if len(reasons) == 1 else 'problems'}"
+    return Finding("plugins", detail, fine=not reasons, remedy="\n      ".join(reasons))
 
 
 def _batch() -> Finding:
-    import torch
-
-    from hpp_framework.registry import hub
-    from hpp_framework.sim import make_simulator
-    from hpp_framework.worlds.world import World
-
-    simulator = make_simulator("batch", [entry.factory()() for entry in hub().robots][:1])
-    simulator.reset([World(name="test")], torch.zeros(1, 1, 3))
-    simulator.step(torch.ones(1, 1, 2))
+    _drive("batch")
     return Finding("batch simulator", "works")
 
 
 def _sapien() -> Finding:
+    _drive("sapien")
+    return Finding("sapien simulator", "works")
+
+
+def _drive(backend: str) -> None:
+    """Drive a robot for one step."""
     import torch
 
-    from hpp_framework.registry import hub
+    from hpp_framework.robot import DriveLimits, Lidar, RobotSpec
     from hpp_framework.sim import make_simulator
     from hpp_framework.worlds.world import World
 
-    with make_simulator("sapien", [entry.factory()() for entry in hub().robots][:1]) as simulator:
+    # no plugin's robot: this is about the simulator
+    robot = RobotSpec(
+        name="disc", footprint_radius=0.3, profile_radius=0.2, height=0.4, mass=50.0,
+        drive=DriveLimits(speed=(0.0, 1.0), turn_rate=3.0, acceleration=0.5, turn_acceleration=1.5),
+        lidar=Lidar(
+            beams=10, field_of_view=3.0, mount=(0.25, 0.0, 0.0), height=0.3, min_range=0.05, max_range=25.0,
+            noise_std=0.0,
+        ),
+    )  # fmt: skip
+    with make_simulator(backend, [robot]) as simulator:
         simulator.reset([World(name="test")], torch.zeros(1, 1, 3))
         simulator.step(torch.ones(1, 1, 2))
-    return Finding("sapien simulator", "works")
 
 
 def _pictures() -> Finding:
