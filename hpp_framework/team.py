@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.skill import Skill
+
+
+def _mapping() -> Any:
+    return field(default_factory=dict[str, Any], hash=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,11 +26,18 @@ class Member:
         id: unique name in the team.
         robot: its data.
         skill: registered name of its skill.
+        planner: registered meta-planner, with settings of its own or without; None for that of everybody.
+        believes: what this robot wrongly takes others for, by id; it predicts them with the models of those.
+        weights: folder of the predictor weights by which it predicts a robot, by that robot's id (its own is
+            possible); robots that are not named are looked for in the folders of everybody.
     """
 
     id: str
     robot: RobotSpec
     skill: str
+    planner: str | None = None
+    believes: Mapping[str, Member] = _mapping()
+    weights: Mapping[str, Path] = _mapping()
 
 
 @dataclass(frozen=True)
@@ -51,6 +65,11 @@ class Team:
 
     def __len__(self) -> int:
         return len(self.members)
+
+    def as_believed_by(self, agent: int) -> Team:
+        """Return the team as one robot takes it to be, by its index; see ``Member.believes``."""
+        believes = self.members[agent].believes
+        return Team(tuple(believes.get(member.id, member) for member in self.members))
 
     def skills(self) -> list[Skill]:
         """Build everybody's skill."""

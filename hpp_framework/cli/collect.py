@@ -18,7 +18,7 @@ class Collect:
     """
 
     team: str = "fetch,freight"
-    """Robots, separated by commas."""
+    """Robots, separated by commas; or a team file (.yaml), of which robots and skills count."""
     trajectories: int = 10_000
     """How many (50,000 in the paper)."""
     steps: int = 100
@@ -39,7 +39,7 @@ class Collect:
         import torch
 
         from hpp_framework.prediction.collect import Collection, collect
-        from hpp_framework.team import parse_team
+        from hpp_framework.team_file import resolve_team
         from hpp_framework.workers import available_cores
         from hpp_framework.worlds.loader import resolve_world
 
@@ -47,7 +47,7 @@ class Collect:
         check_positive(workers=workers, steps=self.steps)
 
         resolve_world(self.world)
-        team = parse_team(self.team, skill=self.skill)
+        team = resolve_team(self.team, skill=self.skill)
         config = Collection(
             trajectories=self.trajectories, steps=self.steps, world=self.world, seed=self.seed
         )

@@ -38,7 +38,7 @@ class Evaluate:
     """Registered planners, separated by commas; 'hpp:keep=0.05:memory=0' and 'hpp:preset=paper' have
     settings of their own."""
     team: str = "fetch,freight"
-    """Robots, separated by commas; 'id=robot' names one."""
+    """Robots, separated by commas, 'id=robot' names one; or a team file (.yaml)."""
     preset: str = "best"
     """Preset of the planners: paper or best."""
     backend: Literal["batch", "sapien"] = "batch"

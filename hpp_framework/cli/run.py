@@ -23,7 +23,7 @@ class Run:
     world: Annotated[str, tyro.conf.arg(aliases=("--worlds",))] = "wall"
     """Registered world or YAML file."""
     team: str = "fetch,freight"
-    """Robots, separated by commas; 'id=robot' names one."""
+    """Robots, separated by commas, 'id=robot' names one; or a team file (.yaml)."""
     planner: str = "hpp"
     """Registered planner of every robot; 'hpp:keep=0.05' gives it a setting."""
     preset: str = "best"

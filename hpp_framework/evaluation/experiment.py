@@ -27,12 +27,13 @@ from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.planner import PRESETS
-from hpp_framework.registry import hub
 from hpp_framework.seeding import child_seed, numpy_rng
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.sim import BACKENDS, make_simulator
 from hpp_framework.task import Task
+from hpp_framework.task_choice import make_task
 from hpp_framework.team import Team, parse_team
+from hpp_framework.team_file import build_team, effective_team, is_team_file, read_team_file
 from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 from hpp_framework.worlds.world import World
@@ -52,16 +53,17 @@ class Experiment:
     Attributes:
         worlds: registered worlds or YAML files.
         planners: registered meta-planners, with settings of their own or without, e.g. ``"hpp:keep=0.05"``.
-        team: as on the command line, e.g. ``"fetch,freight"``.
+        team: as on the command line, e.g. ``"fetch,freight"``, or a team file.
         preset: of the planners.
         backend: ``"batch"`` or ``"sapien"``.
         episodes: a cell.
         seed: of worlds, starts and agents.
-        task: registered task.
+        task: registered task, with settings or without, e.g. ``"formation:shape=ring"``, or a task file.
         skill: registered skill of every robot.
         noise: disturbances of what agents observe.
         weights: extra folders searched for predictor weights.
         settings: of every planner that has parameters, by dotted name.
+        members: what a team file says, all defaults filled in; read from it unless given.
     """
 
     worlds: tuple[str, ...]
@@ -76,12 +78,23 @@ class Experiment:
     noise: NoiseModel = NoiseModel()
     weights: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
+    members: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
 
     def __post_init__(self) -> None:
+        if is_team_file(self.team):
+            file = Path(self.team)
+            members = effective_team(self.members, file) if self.members else read_team_file(file)
+            object.__setattr__(self, "members", members)
         if self.episodes < 1:
             raise ConfigError(f"episodes must be at least 1, got {self.episodes}.")
         if not self.worlds or not self.planners:
             raise ConfigError("name at least one world and one planner.")
+
+    def make_team(self) -> Team:
+        """Build everybody."""
+        if self.members:
+            return build_team(self.members, skill=self.skill)
+        return parse_team(self.team, skill=self.skill)
 
 
 def read_experiment(file: Path, command: str) -> Experiment:
@@ -134,14 +147,16 @@ def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactor
             raise unknown_name(kind, name, known)
     for planner in experiment.planners:
         parse_planner(planner)
-    team = parse_team(experiment.team, skill=experiment.skill)
-    task = hub().tasks.create(experiment.task, team.robots)
+    team = experiment.make_team()
+    task = make_task(experiment.task, team.robots, team.ids)
     drawn = [draw_episode(experiment, name, factories[name], 0)[0] for name in experiment.worlds]
     configs: dict[str, Any] = {}
     for planner in experiment.planners:
         agents = make_agents(experiment, planner, team, task, drawn[0].bounds)
-        configs[planner] = parameters(agents[0].planner)
-    if experiment.settings and not any(configs.values()):
+        # members with a planner of their own come last: theirs may be called the same
+        for member, agent in sorted(zip(team.members, agents, strict=True), key=lambda m: m[0].planner or ""):
+            configs.setdefault(member.planner or planner, parameters(agent.planner))
+    if experiment.settings and not any(configs.get(name) for name in experiment.planners):
         raise ConfigError(f"no planner has settings, so {', '.join(experiment.settings)} cannot be set.")
     make_simulator(experiment.backend, team.robots).close()
     return configs
@@ -211,7 +226,7 @@ def draw_episode(
     experiment: Experiment, world: str, factory: WorldFactory, episode: int
 ) -> tuple[World, np.ndarray]:
     """Return world and start poses (n, 3) of one episode; the same whatever planner runs in it."""
-    team = parse_team(experiment.team, skill=experiment.skill)
+    team = experiment.make_team()
     rng = numpy_rng(experiment.seed, "episode", world, episode)
     drawn = factory(rng)
     return drawn, spawn_poses(drawn, team.robots, rng)
@@ -268,8 +283,8 @@ def _run_group(
     cell: _Cell, drawn: Mapping[int, tuple[World, np.ndarray]], group: Sequence[int]
 ) -> list[tuple[EpisodeRow, np.ndarray]]:
     experiment, name = cell.experiment, cell.world
-    team = parse_team(experiment.team, skill=experiment.skill)
-    task: Task = hub().tasks.create(experiment.task, team.robots)
+    team = experiment.make_team()
+    task = make_task(experiment.task, team.robots, team.ids)
     worlds = [drawn[episode][0] for episode in group]
     starts = np.stack([drawn[episode][1] for episode in group])
     seed = child_seed(experiment.seed, name, group[0])

@@ -25,7 +25,7 @@ RUN, EVALUATE = "run", "evaluate"
 PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "scipy")
 """Packages that numbers may depend on."""
 
-ADDED: Mapping[str, Any] = {"settings": {}}
+ADDED: Mapping[str, Any] = {"settings": {}, "members": {}}
 """What experiments of older versions did not record, as they had it."""
 ADDED_NOISE: Mapping[str, Any] = {"delay": 0, "pose_dropout": 0.0}
 """The same of their noise."""

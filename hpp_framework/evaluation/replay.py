@@ -14,12 +14,12 @@ from hpp_framework.agent import Agent
 from hpp_framework.evaluation.experiment import CHUNK, Experiment, draw_episode, make_agents
 from hpp_framework.evaluation.record import EpisodeRecord, Recorder
 from hpp_framework.evaluation.rollout import Episodes, run_episodes
-from hpp_framework.registry import hub
 from hpp_framework.seeding import child_seed
 from hpp_framework.sim import make_simulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task import Task
-from hpp_framework.team import Team, parse_team
+from hpp_framework.task_choice import make_task
+from hpp_framework.team import Team
 from hpp_framework.types import Observation, State
 from hpp_framework.worlds.loader import WorldFactory
 from hpp_framework.worlds.world import World
@@ -114,8 +114,8 @@ def _run(
     watched: Sequence[int],
 ) -> Replay:
     name, first = experiment.worlds[0], min(drawn)
-    team = parse_team(experiment.team, skill=experiment.skill)
-    task: Task = hub().tasks.create(experiment.task, team.robots)
+    team = experiment.make_team()
+    task = make_task(experiment.task, team.robots, team.ids)
     worlds = {number: world for number, (world, _) in drawn.items()}
     starts = torch.from_numpy(np.stack([start for _, start in drawn.values()])).float()
     seed = child_seed(experiment.seed, name, first)

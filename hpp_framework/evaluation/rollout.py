@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.agent import Agent, make_agent
+from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.planners import make_planner, parse_planner
 from hpp_framework.planner import PlannerContext
 from hpp_framework.privileged import PrivilegedPlanner, Truth
@@ -86,30 +87,47 @@ def build_agents(
     weights: tuple[Path, ...] = (),
     settings: Mapping[str, Any] | None = None,
 ) -> list[Agent]:
-    """Give every robot of a team its skill and its own planner of the named kind.
+    """Give every robot of a team its skill and a planner of its own.
 
     Args:
         team: everybody.
-        planner: registered meta-planner, with settings of its own or without, e.g. ``"hpp:keep=0.05"``.
+        planner: registered meta-planner, with settings of its own or without, e.g. ``"hpp:keep=0.05"``; of
+            all members that name none.
         task: the shared objective.
         preset: of the planner.
         bounds: of the world, metres.
         seed: of the agents' randomness; centralised planners share one source.
         weights: extra folders searched for predictor weights.
-        settings: of every planner that has parameters, by dotted name.
+        settings: of every planner that has parameters, by dotted name; not of planners that members name.
+
+    Raises:
+        ConfigError: if a ceiling is to plan for a team in which somebody plans otherwise.
     """
     agents: list[Agent] = []
-    choice = parse_planner(planner)
-    for index, skill in enumerate(team.skills()):
+    for index, (member, skill) in enumerate(zip(team.members, team.skills(), strict=True)):
+        named = member.planner or planner
+        choice = parse_planner(named)
         context = PlannerContext(
             team=team, agent=index, task=task, preset=preset, bounds=bounds, weights=weights,
-            settings=settings or {},
+            settings=settings or {} if member.planner is None else {},
         )  # fmt: skip
-        made = make_planner(planner, context)
+        made = make_planner(named, context)
+        if isinstance(made, PrivilegedPlanner):
+            _check_ceiling(team, named)
         agents.append(
             make_agent(index, skill, made, task, team.robots, seed, guard=choice.guard, guide=choice.guide)
         )
     return agents
+
+
+def _check_ceiling(team: Team, planner: str) -> None:
+    """Refuse a ceiling, which plans for everybody, where somebody has another planner."""
+    for member in team.members:
+        if member.planner is not None:
+            raise ConfigError(
+                f"planner '{planner}' is a ceiling: it plans for the whole team, but '{member.id}' has a "
+                f"planner of its own, '{member.planner}'. Leave out either."
+            )
 
 
 def run_episodes(

@@ -98,7 +98,8 @@ def own_predictor(name: str, context: PlannerContext) -> Predictor:
     Raises:
         CheckpointError: if there are no weights for the team.
     """
-    request = PredictorRequest(team=context.team, agent=context.agent, folders=context.weights)
+    team = context.team.as_believed_by(context.agent)
+    request = PredictorRequest(team=team, agent=context.agent, folders=context.weights)
     return hub().predictors.create(name, request)
 
 

@@ -84,7 +84,7 @@ def cem(context: PlannerContext) -> RrtPlanner:
         ConfigError: if OMPL is not installed.
     """
     config = configured("rrt-cem", PRESETS, context)
-    predictor = RrtPredictor(context.team.robots, config.margin, config.motion)
+    predictor = RrtPredictor(context.team.as_believed_by(context.agent).robots, config.margin, config.motion)
     task = OverTime(context.task, config.terminal)
     search = HppPlanner(predictor, task, config.search(), config.least_std)
     planner = follower(search, context, config.following(), predictor)

@@ -92,10 +92,12 @@ def load_models(
         _check_folder(folder, kind)
     members = request.team.members
     agent = members[request.agent]
-    folders = weight_folders(request.folders)
+    shared = weight_folders(request.folders)
     models: list[nn.Module] = []
     for index, subject in enumerate(members):
         own = index == request.agent
+        # a folder that is named for this pair must have them
+        folders = [agent.weights[subject.id]] if subject.id in agent.weights else shared
         file = find_weights(folders, "predictor", kind, file_name(agent, subject, own=own), REMEDY)
         weights, _ = load_checkpoint(file, expected_metadata(kind, agent, subject, own=own))
         model = build(agent.robot)

@@ -1,4 +1,4 @@
-"""Values of a world file: what each may be, and errors that name file, key and remedy."""
+"""Values of a YAML file: what each may be, and errors that name file, key and remedy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import yaml
 from hpp_framework.errors import ConfigError, suggest
 
 LARGEST = 1e4
-"""Largest number a world file may hold; metres, degrees or a factor."""
+"""Largest number a file may hold; metres, degrees, seconds or a factor."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Source:
     """The file that values come from; every check raises :class:`ConfigError` naming it.
 
     Attributes:
-        file: the world file.
+        file: the file.
     """
 
     file: Path
@@ -69,7 +69,7 @@ class Source:
             raise self.error(
                 key,
                 f"must be finite and at most {LARGEST:.0f} in size, got {value}",
-                "Use metres or degrees.",
+                "Use metres, degrees or seconds.",
             )
         if positive and value <= 0:
             raise self.error(key, f"must be greater than 0, got {value}", "Use a positive number.")
@@ -109,15 +109,22 @@ def join(key: str, name: str) -> str:
     return f"{key}.{name}" if key else name
 
 
-def read_yaml(file: Path) -> object:
+def read_yaml(
+    file: Path, *, kind: str = "world", least: str = "bounds: [x_min, y_min, x_max, y_max]"
+) -> object:
     """Return what a YAML file holds.
+
+    Args:
+        file: the file.
+        kind: of file, for messages.
+        least: that such a file must hold, for messages.
 
     Raises:
         ConfigError: if it is missing, unreadable, empty or malformed, or gives a key twice; names the line.
     """
     source = Source(file)
     if not file.exists():
-        raise source.error("", "there is no such file", "Check the path; world files end in .yaml or .yml.")
+        raise source.error("", "there is no such file", f"Check the path; {kind} files end in .yaml or .yml.")
     try:
         content = yaml.load(file.read_text(encoding="utf-8"), _Loader)
     except OSError as error:
@@ -140,7 +147,7 @@ def read_yaml(file: Path) -> object:
             "", f"is not usable YAML: {error}", "Write plain keys, lists and numbers."
         ) from error
     if content is None:
-        raise source.error("", "is empty", "Write at least 'bounds: [x_min, y_min, x_max, y_max]'.")
+        raise source.error("", "is empty", f"Write at least '{least}'.")
     return content
 
 

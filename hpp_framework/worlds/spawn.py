@@ -16,6 +16,8 @@ from hpp_framework.worlds.world import World
 ATTEMPTS = 2000
 GAP = 0.5
 """Smallest gap between two footprints at the start, in metres."""
+GROWTH = 1.1
+"""By which factor the ring of three and more robots grows after every tenth of the attempts."""
 
 
 def spawn_poses(
@@ -23,7 +25,8 @@ def spawn_poses(
 ) -> npt.NDArray[np.float64]:
     """Draw start poses (n, 3) by the world's spawn rule: free, mutually reachable, headings random.
 
-    A world with fixed starts gives those, one a robot in team order.
+    Robots start on a ring. That of three and more grows where it does not fit: many robots around a wall
+    cannot all be as near it as two. A world with fixed starts gives those, one a robot in team order.
 
     Args:
         world: the world.
@@ -40,8 +43,9 @@ def spawn_poses(
     radius = max(robot.footprint_radius for robot in robots)
     regions = space.regions(radius + world.spawn.clearance)
     ring = _ring_radius(world.spawn.distance, radius, len(robots))
-    for _ in range(ATTEMPTS):
-        points = _ring(world, len(robots), ring, rng)
+    for attempt in range(ATTEMPTS):
+        growth = GROWTH ** (10 * attempt // ATTEMPTS) if len(robots) > 2 else 1.0
+        points = _ring(world, len(robots), ring * growth, rng)
         labels = space.look_up(regions, points)
         if labels.min() > 0 and labels.min() == labels.max():
             return np.column_stack([points, rng.uniform(-math.pi, math.pi, len(robots))])
@@ -101,5 +105,8 @@ def _ring(world: World, count: int, radius: float, rng: np.random.Generator) -> 
     axis = rng.uniform(-math.pi, math.pi)
     if world.spawn.axis is not None:
         axis = world.spawn.axis + rng.uniform(-1, 1) * world.spawn.axis_spread
+        if count % 4 == 0:
+            # nobody starts across the axis, where a world has what two robots are to be on either side of
+            axis += math.pi / count
     angles = axis + 2 * math.pi * np.arange(count) / count
     return center + radius * np.stack([np.cos(angles), np.sin(angles)], -1)

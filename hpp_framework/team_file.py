@@ -1,0 +1,190 @@
+"""Team files: a team in YAML, checked so that every mistake names file, key and remedy.
+
+The format is described in ``docs/teams.md``. What a file says with all its defaults filled in, the effective
+team, is plain data: run folders record it, and it is read like a file again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hpp_framework.errors import suggest
+from hpp_framework.registry import Registry, hub
+from hpp_framework.team import Member, Team, parse_team
+from hpp_framework.worlds.fields import Source, read_yaml
+
+SUFFIXES = (".yaml", ".yml")
+
+_DEFAULTS = ("skill", "planner")
+"""Keys of the whole team that hold for members that say nothing else."""
+_TEAM = (*_DEFAULTS, "members")
+_MEMBER = ("id", "robot", *_DEFAULTS, "believes", "weights")
+_BELIEVED = ("robot", "skill")
+
+
+def is_team_file(text: str) -> bool:
+    """Return whether a team is named by its file."""
+    return text.strip().lower().endswith(SUFFIXES)
+
+
+def resolve_team(text: str, *, skill: str = "p2p") -> Team:
+    """Return the team of a file, or of text like ``"fetch,freight"``.
+
+    Args:
+        text: a path that ends in ``.yaml`` or ``.yml``, or what :func:`~hpp_framework.team.parse_team` reads.
+        skill: registered skill of every robot for which a file names none.
+
+    Raises:
+        ConfigError: if the file or the text has a mistake.
+    """
+    if is_team_file(text):
+        return build_team(read_team_file(Path(text.strip())), skill=skill)
+    return parse_team(text, skill=skill)
+
+
+def read_team_file(file: Path) -> dict[str, Any]:
+    """Return the effective team of a file.
+
+    Raises:
+        ConfigError: if anything in the file is wrong; names the file, the key and the remedy.
+    """
+    return effective_team(read_yaml(file, kind="team", least="members: [{id: alice, robot: fetch}]"), file)
+
+
+def effective_team(content: object, file: Path) -> dict[str, Any]:
+    """Check the content of a team file and fill in its defaults.
+
+    Args:
+        content: as YAML or JSON has it.
+        file: that it is from, for messages; folders of weights in it are relative to the file's.
+
+    Raises:
+        ConfigError: if anything is wrong.
+    """
+    source = Source(file)
+    team = source.mapping("", content, _TEAM, required=("members",))
+    defaults = {key: team[key] for key in _DEFAULTS if key in team}
+    entries = source.items("members", team["members"])
+    if not entries:
+        raise source.error("members", "is empty", "List at least one: '- {id: alice, robot: fetch}'.")
+    ids = _ids(source, entries)
+    return {
+        "members": [
+            _member(source, f"members[{i}]", {**defaults, **entry}, ids) for i, entry in enumerate(entries)
+        ]
+    }
+
+
+def build_team(content: Mapping[str, Any], *, skill: str) -> Team:
+    """Return the team that an effective team describes.
+
+    Args:
+        content: from :func:`effective_team`.
+        skill: registered skill of members that name none.
+    """
+    hub().skills.entry(skill)
+    plain = {
+        entry["id"]: Member(
+            id=entry["id"], robot=hub().robots.create(entry["robot"]), skill=entry.get("skill", skill)
+        )
+        for entry in content["members"]
+    }
+    return Team(tuple(_build_member(entry, plain, skill) for entry in content["members"]))
+
+
+def _build_member(entry: Mapping[str, Any], plain: Mapping[str, Member], skill: str) -> Member:
+    believes = {
+        id_: Member(
+            id=id_,
+            robot=hub().robots.create(taken["robot"]) if "robot" in taken else plain[id_].robot,
+            skill=taken.get("skill", plain[id_].skill),
+        )
+        for id_, taken in entry.get("believes", {}).items()
+    }
+    return Member(
+        id=entry["id"],
+        robot=plain[entry["id"]].robot,
+        skill=entry.get("skill", skill),
+        planner=entry.get("planner"),
+        believes=believes,
+        weights={id_: Path(folder) for id_, folder in entry.get("weights", {}).items()},
+    )
+
+
+def _ids(source: Source, entries: list[Any]) -> list[str]:
+    """Return the members' ids, all different."""
+    ids: list[str] = []
+    for i, entry in enumerate(entries):
+        key = f"members[{i}]"
+        found = source.mapping(key, entry, _MEMBER, required=("id", "robot"))
+        id_ = source.text(f"{key}.id", found["id"])
+        if id_ in ids:
+            raise source.error(f"{key}.id", f"'{id_}' is taken", "Give every robot of the team its own id.")
+        ids.append(id_)
+    return ids
+
+
+def _member(source: Source, key: str, entry: dict[str, Any], ids: list[str]) -> dict[str, Any]:
+    """Return the checked entry of one member; what it leaves to the command is left out."""
+    found: dict[str, Any] = {
+        "id": source.text(f"{key}.id", entry["id"]),
+        "robot": _registered(source, f"{key}.robot", entry["robot"], hub().robots),
+    }
+    if "skill" in entry:
+        found["skill"] = _registered(source, f"{key}.skill", entry["skill"], hub().skills)
+    if "planner" in entry:
+        text = source.text(f"{key}.planner", entry["planner"])
+        _registered(source, f"{key}.planner", text.partition(":")[0], hub().planners)
+        found["planner"] = text
+    if "believes" in entry:
+        found["believes"] = {
+            id_: _believed(source, f"{key}.believes.{id_}", taken)
+            for id_, taken in _by_id(source, f"{key}.believes", entry["believes"], ids).items()
+        }
+        if found["id"] in found["believes"]:
+            raise source.error(
+                f"{key}.believes.{found['id']}", "is the robot itself", "Name what it takes others for."
+            )
+    if "weights" in entry:
+        found["weights"] = {
+            id_: _folder(source, f"{key}.weights.{id_}", folder)
+            for id_, folder in _by_id(source, f"{key}.weights", entry["weights"], ids).items()
+        }
+    return found
+
+
+def _believed(source: Source, key: str, value: object) -> dict[str, str]:
+    """Return what another robot is taken for: ``fetch``, or a mapping of robot and skill."""
+    taken = source.mapping(key, {"robot": value} if isinstance(value, str) else value, _BELIEVED)
+    return {
+        name: _registered(source, f"{key}.{name}", each, getattr(hub(), f"{name}s"))
+        for name, each in taken.items()
+    }
+
+
+def _by_id(source: Source, key: str, value: object, ids: list[str]) -> dict[str, Any]:
+    """Return a mapping whose keys are ids of members."""
+    return source.mapping(key, value, ids)
+
+
+def _folder(source: Source, key: str, value: object) -> str:
+    folder = (source.file.parent / source.text(key, value)).resolve()
+    if not folder.is_dir():
+        raise source.error(key, f"'{folder}' is not a folder", "Give the --out of 'hpp train predictor'.")
+    return str(folder)
+
+
+def _registered(source: Source, key: str, value: object, registry: Registry[Any]) -> str:
+    """Return a name that something is registered under."""
+    name = source.text(key, value)
+    if name not in registry:
+        known = sorted(entry.name for entry in registry)
+        hint = suggest(name, known).strip()
+        raise source.error(
+            key,
+            f"names no {registry.kind} that there is: '{name}'",
+            f"{hint} Known: {', '.join(known)}.".strip(),
+        )
+    return name
