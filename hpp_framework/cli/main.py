@@ -15,6 +15,7 @@ from hpp_framework.cli.doctor import Doctor
 from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.inspect import Inspect
 from hpp_framework.cli.list import List
+from hpp_framework.cli.new import New
 from hpp_framework.cli.reproduce import Reproduce
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.search import Search
@@ -28,6 +29,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[List, tyro.conf.subcommand("list")]
+    | Annotated[New, tyro.conf.subcommand("new")]
     | Annotated[Collect, tyro.conf.subcommand("collect")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Search, tyro.conf.subcommand("search")]

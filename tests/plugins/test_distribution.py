@@ -17,7 +17,7 @@ PACKAGES = {
     "hpp_tasks": ROOT / "tasks" / "hpp_tasks",
     "hpp_robots": ROOT / "robots" / "hpp_robots",
 }
-DATA = {".yaml", ".safetensors", ".json", ".vert", ".frag", ".glsl", ".typed"}
+DATA = {".yaml", ".safetensors", ".json", ".toml", ".md", ".vert", ".frag", ".glsl", ".typed"}
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,78 @@
+"""``hpp new``: write a plugin package to start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewTask:
+    """Write a package with a task: everybody meets at one place that all know."""
+
+    name: Annotated[str, tyro.conf.Positional]
+    """PACKAGE/NAME, e.g. my-pkg/meet-at-door; or PACKAGE alone."""
+    out: Path = Path()
+    """Folder to write the package's own folder into."""
+
+    def run(self) -> None:
+        """Write it and say what comes next."""
+        _write("task", self.name, self.out)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewSkill:
+    """Write a package with a skill: a classical one that slows down before obstacles."""
+
+    name: Annotated[str, tyro.conf.Positional]
+    """PACKAGE/NAME, e.g. my-pkg/cautious; or PACKAGE alone."""
+    out: Path = Path()
+    """Folder to write the package's own folder into."""
+
+    def run(self) -> None:
+        """Write it and say what comes next."""
+        _write("skill", self.name, self.out)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewRobot:
+    """Write a package with a robot: its numbers by hand, each with its source."""
+
+    name: Annotated[str, tyro.conf.Positional]
+    """PACKAGE/NAME, e.g. my-pkg/rover; or PACKAGE alone."""
+    out: Path = Path()
+    """Folder to write the package's own folder into."""
+
+    def run(self) -> None:
+        """Write it and say what comes next."""
+        _write("robot", self.name, self.out)
+
+
+@dataclass(frozen=True)
+class New:
+    """Write a plugin package to start from: an entry point, a working example, tests, the next commands."""
+
+    what: Annotated[
+        Annotated[NewTask, tyro.conf.subcommand("task")]
+        | Annotated[NewSkill, tyro.conf.subcommand("skill")]
+        | Annotated[NewRobot, tyro.conf.subcommand("robot")],
+        tyro.conf.arg(name=""),
+    ]
+
+    def run(self) -> None:
+        """Write what was named."""
+        self.what.run()
+
+
+def _write(kind: str, text: str, out: Path) -> None:
+    from hpp_framework.onboarding.names import parse_name
+    from hpp_framework.onboarding.scaffold import THINGS, write_package
+
+    name = parse_name(text, THINGS[kind])
+    folder = out / name.package
+    for file in write_package(kind, name, folder):
+        print(file)
+    print(f"\nNext, and more in {folder / 'README.md'}:\n  cd {folder}\n  pip install -e '.[test]'\n  pytest")

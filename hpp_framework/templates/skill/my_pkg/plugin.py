@@ -1,0 +1,22 @@
+"""Registers what this package brings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hpp_framework.registry import Hub
+
+
+def register(hub: Hub) -> None:
+    """Add everything of this package."""
+    hub.skills.add(
+        "cautious",
+        "my_pkg.cautious:cautious",
+        summary="to the free direction nearest to the goal's, slowly where it is narrow",
+    )
+    hub.checkpoints.add("my_pkg", weights, summary="what teams have learnt of this package's skill")
+
+
+def weights() -> Path:
+    """Return the folder of the weights that come with this package."""
+    return Path(__file__).parent / "weights"
