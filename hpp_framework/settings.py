@@ -1,10 +1,11 @@
-"""Settings given as ``name=value``: copies of config dataclasses with other values."""
+"""Settings given as ``name=value``: for copies of config dataclasses, and for calls of factories."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
+from inspect import Parameter, signature
 from typing import Any, TypeVar
 
 import yaml
@@ -12,6 +13,9 @@ import yaml
 from hpp_framework.errors import ConfigError, suggest
 
 Config = TypeVar("Config")
+Built = TypeVar("Built")
+
+BY_NAME = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 
 
 def parse_settings(pairs: Sequence[str], option: str) -> dict[str, Any]:
@@ -82,9 +86,51 @@ def _altered(config: Any, name: str, path: list[str], value: Any, owner: str) ->
     if is_dataclass(old) or len(path) > 1:
         example = f"e.g. '{name}.{fields(old)[0].name}'" if is_dataclass(old) else f"it ends at '{path[0]}'"
         raise ConfigError(f"'{name}' names no single setting of {owner}; {example}.")
-    may_be_none = "None" in str(known[path[0]].type)
+    value = _like(old, value, name, owner, may_be_none="None" in str(known[path[0]].type))
+    return replace(config, **{path[0]: value})
+
+
+def _like(old: Any, value: Any, name: str, owner: str, *, may_be_none: bool) -> Any:
+    """Return a value that may replace another one, an int as a float where that is one."""
     if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not type(old) and not (may_be_none and None in (value, old)):
         raise ConfigError(f"'{name}' of {owner} must be of the kind of {old!r}, got {value!r}.")
-    return replace(config, **{path[0]: value})
+    return value
+
+
+def call_with(
+    factory: Callable[..., Built], told: Mapping[str, Any], settings: Mapping[str, Any], owner: str
+) -> Built:
+    """Call a factory with settings for its keyword parameters, checked against their defaults.
+
+    Args:
+        factory: its settings are what it can be given by name beyond what it is told.
+        told: what every factory of the kind is given, by name: the first as the first argument, whatever it
+            calls it, the others where it has a parameter of the name.
+        settings: values by name.
+        owner: whose settings these are, for messages, e.g. ``"task 'formation'"``.
+
+    Raises:
+        ConfigError: if a name is unknown, a value is of another kind than the default, or one without a
+            default is missing; whatever the factory itself refuses.
+    """
+    others = list(signature(factory).parameters.values())[1:]
+    known = {each.name: each for each in others if each.name not in told and each.kind in BY_NAME}
+    for name in settings:
+        if name not in known:
+            hint = suggest(name, known).strip()
+            listing = f"{hint} Known here: {', '.join(known)}." if known else "It has none."
+            raise ConfigError(f"'{name}' is no setting of {owner}. {listing}")
+    required = [name for name, each in known.items() if each.default is Parameter.empty]
+    missing = [name for name in required if name not in settings]
+    if missing:
+        raise ConfigError(f"{owner} needs '{missing[0]}'. Its settings: {', '.join(known)}.")
+    values: dict[str, Any] = {}
+    for name, value in settings.items():
+        values[name] = tuple(value) if isinstance(value, list) else value
+        if name not in required:
+            may_be_none = "None" in str(known[name].annotation)
+            values[name] = _like(known[name].default, values[name], name, owner, may_be_none=may_be_none)
+    passed = {each.name: told[each.name] for each in others if each.name in told}
+    return factory(next(iter(told.values())), **passed, **values)

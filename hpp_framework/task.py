@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+
+from hpp_framework.requirement import Gathering, Requirement
 
 
 class Task(ABC):
@@ -18,14 +21,16 @@ class Task(ABC):
         sustain_steps: consecutive control steps that :meth:`done` must hold for success.
         radius: distance from the team's centre in metres within which everybody fulfils the objective, for
             plots; None where the objective is no such distance.
+        halts: whether agents stop where :meth:`met` holds; not where the objective is to keep moving.
     """
 
     sustain_steps: int = 5
     radius: float | None = None
+    halts: bool = True
 
     @abstractmethod
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
-        """Return the reward of team poses (world frame)."""
+        """Return the reward of team poses (world frame); headings are NaN where a predictor has none."""
 
     def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
         """Return the reward of an imagined trajectory; that of its end unless a task says otherwise.
@@ -47,3 +52,37 @@ class Task(ABC):
             poses: of the team, world frame.
             velocities: forward speed (m/s) and turn rate (rad/s) of each robot.
         """
+
+    def places(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return where each robot goes when the team shares a goal; None: everybody to the goal itself.
+
+        Planners choose shared goals; this gives each robot its own place around one. It must be the same
+        whoever asks, so it may depend on the poses and nothing else, and should change little as robots move
+        to their places.
+
+        Args:
+            goals: shared goals, world frame, metres.
+            poses: of the team now, world frame; leading dimensions are broadcast against those of goals.
+        """
+        del goals, poses
+        return None
+
+    def requirement(self) -> Requirement | None:
+        """Return what holds in every fulfilled state, for lower bounds of the time; None if unknown."""
+        return None if self.radius is None else Gathering(self.radius)
+
+
+def relative_speed(
+    poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]
+) -> Float[Tensor, "*b"]:
+    """Return the largest speed at which two robots move apart, together or past each other, m/s.
+
+    Args:
+        poses: of the team, world frame.
+        velocities: forward speed (m/s) and turn rate (rad/s) of each robot.
+    """
+    heading = poses[..., 2]
+    motion = velocities[..., :1] * torch.stack([heading.cos(), heading.sin()], -1)
+    return (motion[..., :, None, :] - motion[..., None, :, :]).norm(dim=-1).flatten(-2).amax(-1)

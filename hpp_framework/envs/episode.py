@@ -20,11 +20,11 @@ import torch
 from hpp_framework.envs.picture import Picture
 from hpp_framework.envs.spaces import check_bounds, to_numbers
 from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.registry import hub
 from hpp_framework.seeding import numpy_rng, torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim import CONTROL_PERIOD, make_simulator
 from hpp_framework.task import Task
+from hpp_framework.task_choice import make_task
 from hpp_framework.team import Team, parse_team
 from hpp_framework.types import Observation, State
 from hpp_framework.worlds.loader import resolve_world
@@ -40,7 +40,7 @@ class EpisodeConfig:
     """What an episode is about, besides team and world.
 
     Attributes:
-        task: registered task or a task.
+        task: registered task, with settings or without, a task file, or a task.
         noise: disturbances of what agents observe.
         backend: simulator, ``"batch"`` or ``"sapien"``.
         max_steps: control steps before truncation (100 are 20 s, as in the paper).
@@ -73,7 +73,9 @@ class TeamEpisode:
         self.team = parse_team(team) if isinstance(team, str) else team
         self.config = config
         robots = self.team.robots
-        self.task = hub().tasks.create(config.task, robots) if isinstance(config.task, str) else config.task
+        self.task = (
+            make_task(config.task, robots, self.team.ids) if isinstance(config.task, str) else config.task
+        )
         self._draw_world = resolve_world(world) if isinstance(world, str) else lambda _: world
         self._simulator = make_simulator(config.backend, robots)
         self._picture = Picture(robots)

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.robot import RobotSpec
-from hpp_framework.task import Task
+from hpp_framework.task import Task, relative_speed
 
 MARGIN = 0.25
 """Metres between touching discs in a ring and a rendezvous."""
@@ -57,10 +57,7 @@ class Rendezvous(Task):
 
     def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
         """Return whether everybody is close and no two robots move apart or together faster than 0.1 m/s."""
-        heading = poses[..., 2]
-        motion = velocities[..., :1] * torch.stack([heading.cos(), heading.sin()], -1)
-        relative = (motion[..., :, None, :] - motion[..., None, :, :]).norm(dim=-1)
-        return self.met(poses) & (relative < REST_SPEED).all(-1).all(-1)
+        return self.met(poses) & (relative_speed(poses, velocities) < REST_SPEED)
 
 
 class AccumulatedDistance(Rendezvous):

@@ -1,0 +1,123 @@
+"""Tasks as experiments name them: registered, with settings or without, or a YAML file of terms.
+
+``"rendezvous"``, ``"formation:shape=line:spacing=1.2"`` and ``"my_task.yaml"`` all name a task. The format of
+files is described in ``docs/tasks.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hpp_framework.composition import ComposedTask, Limit, Rules, Weighed
+from hpp_framework.errors import ConfigError, HppError
+from hpp_framework.registry import hub
+from hpp_framework.robot import RobotSpec
+from hpp_framework.settings import call_with, parse_settings
+from hpp_framework.task import Task
+from hpp_framework.term import Term
+from hpp_framework.worlds.fields import Source, read_yaml
+
+SUFFIXES = (".yaml", ".yml")
+
+_TASK = ("reward", "success", "sustain_steps", "rest_speed", "halts")
+_LEAST = "reward: [{term: spread}]"
+
+
+def make_task(text: str, robots: Sequence[RobotSpec], ids: Sequence[str] = ()) -> Task:
+    """Build a task for a team.
+
+    Args:
+        text: a registered name, then settings, all separated by colons; or a path ending in .yaml or .yml.
+        robots: the team.
+        ids: of the robots, by which tasks with roles know them; without, they are called by their index.
+
+    Raises:
+        ConfigError: if a setting or the file is wrong, or the task is none for this team.
+        UnknownNameError: if there is no such task.
+    """
+    told = {"robots": tuple(robots), "ids": tuple(ids) or tuple(map(str, range(len(robots))))}
+    if is_task_file(text):
+        return _read(Path(text.strip()), told)
+    name, *pairs = text.split(":")
+    settings = parse_settings(pairs, f"task '{text}'")
+    return call_with(hub().tasks.entry(name).factory(), told, settings, f"task '{name}'")
+
+
+def is_task_file(text: str) -> bool:
+    """Return whether a task is named by its file."""
+    return text.strip().lower().endswith(SUFFIXES)
+
+
+def _read(file: Path, told: Mapping[str, Any]) -> ComposedTask:
+    source = Source(file)
+    content = source.mapping(
+        "", read_yaml(file, kind="task", least=_LEAST), _TASK, required=("reward", "success")
+    )
+    rewards = [
+        Weighed(term, weight) for term, weight in _terms(source, content, "reward", told, "weight", 1.0)
+    ]
+    success = [Limit(term, most) for term, most in _terms(source, content, "success", told, "at_most", 0.0)]
+    return ComposedTask(rewards, success, _rules(source, content))
+
+
+def _rules(source: Source, content: Mapping[str, Any]) -> Rules:
+    rules = Rules()
+    steps = source.number("sustain_steps", content.get("sustain_steps", rules.sustain_steps), low=1)
+    if steps != int(steps):
+        raise source.error("sustain_steps", f"must be a whole number, got {steps:g}", "Control steps: 5.")
+    speed = content.get("rest_speed", rules.rest_speed)
+    return Rules(
+        sustain_steps=int(steps),
+        rest_speed=None if speed is None else source.number("rest_speed", speed, positive=True),
+        halts=source.flag("halts", content.get("halts", rules.halts)),
+    )
+
+
+def _terms(
+    source: Source, content: Mapping[str, Any], part: str, told: Mapping[str, Any], own: str, default: float
+) -> list[tuple[Term, float]]:
+    """Return the terms of one part of the file, each with the number that the part adds to it.
+
+    Args:
+        source: the file.
+        content: what it holds.
+        part: ``"reward"`` or ``"success"``.
+        told: what every term is told.
+        own: name of the number.
+        default: its value where it is left out.
+    """
+    entries = source.items(part, content[part])
+    if not entries:
+        raise source.error(part, "is empty", f"List at least one term: '- {{term: spread, {own}: 1.0}}'.")
+    found: list[tuple[Term, float]] = []
+    for i, entry in enumerate(entries):
+        key = f"{part}[{i}]"
+        if not isinstance(entry, dict) or "term" not in entry:
+            raise source.error(key, "names no term", f"Write '- {{term: spread, {own}: 1.0}}'.")
+        settings: dict[str, Any] = {str(name): value for name, value in entry.items()}
+        name = source.text(f"{key}.term", settings.pop("term"))
+        number = source.number(f"{key}.{own}", settings.pop(own, default), low=0)
+        try:
+            factory = hub().terms.entry(name).factory()
+            found.append((call_with(factory, told, settings, f"term '{name}'"), number))
+        except HppError as error:
+            raise ConfigError(f"{source.file}: '{key}': {error}") from error
+    return found
+
+
+def robot_index(name: str, ids: Sequence[str], role: str) -> int:
+    """Return the index of a robot that a task gives a role.
+
+    Args:
+        name: its id.
+        ids: of the team.
+        role: for messages, e.g. ``"the leader"``.
+
+    Raises:
+        ConfigError: if there is no such robot.
+    """
+    if name not in ids:
+        raise ConfigError(f"{role} '{name}' is no robot of the team; its robots are {', '.join(ids)}.")
+    return tuple(ids).index(name)

@@ -1,0 +1,1 @@
+"""Terms that ship with hpp_framework: what tasks are composed of."""

@@ -1,0 +1,165 @@
+"""Tasks by name, with settings, and from YAML files: what they say and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from hpp_tasks.formation import eq1_weight
+
+from hpp_framework.composition import ComposedTask
+from hpp_framework.errors import HppError
+from hpp_framework.registry import hub
+from hpp_framework.task_choice import make_task
+from hpp_framework.team import parse_team
+from hpp_framework.term import Term
+
+MEET_AT_DOOR = """
+reward:
+  - {term: region, x: 2, y: 1, weight: 2}
+  - {term: clearance, least: 0.2}
+success:
+  - {term: region, x: 2, y: 1, radius: 0.8}
+  - {term: distance, first: alice, second: bob, most: 1.0, at_most: 0.25}
+sustain_steps: 3
+rest_speed: null
+halts: false
+"""
+
+
+@pytest.fixture
+def team():
+    return parse_team("alice=fetch,bob=freight")
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text):
+        file = tmp_path / "my_task.yaml"
+        file.write_text(text)
+        return str(file)
+
+    return write
+
+
+def test_settings_reach_the_task(team):
+    task = make_task("formation:shape=ring:spacing=2:tolerance=0.25", team.robots, team.ids)
+    assert isinstance(task, ComposedTask)
+    assert task.success[0].at_most == 0.25
+    placed = torch.tensor([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]])
+    assert task.met(placed).tolist() == [True]
+    assert task.reward(placed + torch.tensor([[[0.0] * 3, [1.0, 0.0, 0.0]]])).item() == pytest.approx(
+        -2 * 0.5 * eq1_weight(2)
+    )
+
+
+def test_a_file_says_all_of_a_task(team, written):
+    task = make_task(written(MEET_AT_DOOR), team.robots, team.ids)
+    assert (task.sustain_steps, task.halts) == (3, False)
+    gap = 0.5 - sum(robot.footprint_radius for robot in team.robots)
+    beside = torch.tensor([[[1.5, 1.0, 0.0], [2.0, 1.0, 0.0]]])
+    assert task.met(beside).tolist() == [True]
+    apart = torch.tensor([[[0.0, 1.0, 0.0], [2.0, 1.0, 0.0]]])
+    assert task.met(apart).tolist() == [False]
+    assert task.reward(apart).item() == pytest.approx(-2 * 2.0)
+    crowded = torch.tensor([[[3.5, 1.0, 0.0], [4.0, 1.0, 0.0]]])
+    assert task.reward(crowded).item() == pytest.approx(-2 * (1.5 + 2.0) - (0.2 - gap), abs=1e-5)
+    moving = torch.tensor([[[0.5, 0.0], [0.0, 0.0]]])
+    assert task.done(beside, moving).tolist() == [True]
+
+
+def test_robots_without_ids_go_by_their_index(team, written):
+    file = written(MEET_AT_DOOR.replace("alice", "'0'").replace("bob", "'1'"))
+    assert make_task(file, team.robots).sustain_steps == 3
+
+
+def test_terms_come_from_plugins_too(team, written, register):
+    class Never(Term):
+        def __init__(self, much):
+            self.much = much
+
+        def errors(self, poses):
+            return torch.full_like(poses[..., 0], self.much)
+
+    register("terms", "never", lambda robots, *, much: Never(much))
+    file = written("reward: [{term: never, much: 0.5, weight: 3}]\nsuccess: [{term: never, much: 1}]")
+    assert make_task(file, team.robots).reward(torch.zeros(1, 2, 3)).tolist() == [-3.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("formaton", ["no task called 'formaton'", "'formation'"]),
+        ("formation:shpe=line", ["'shpe' is no setting of task 'formation'", "'shape'", "spacing"]),
+        ("formation:spacing=far", ["'spacing'", "1.2", "'far'"]),
+        ("formation:spacing=-1", ["spacing", "positive"]),
+        ("formation:shape=square", ["no shape called 'square'", "line, ring"]),
+        ("formation:roles=mine", ["roles", "fixed"]),
+        ("formation:offsets=[[0, 0]]", ["1 places for 2 robots"]),
+        ("formation:offsets=[1, 2]", ["[[0, 0], [1.2, 0]]"]),
+        ("rendezvous:radius=1", ["'radius' is no setting of task 'rendezvous'", "It has none"]),
+        ("region:x", ["NAME=VALUE", "'x'"]),
+    ],
+)
+def test_wrong_settings_say_what_is_right(team, text, parts):
+    with pytest.raises(HppError) as caught:
+        make_task(text, team.robots, team.ids)
+    for part in parts:
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [
+        ("reward:", "rewards:", ["'rewards' is not a known key", "'reward'"]),
+        (
+            "clearance, least",
+            "clearence, least",
+            ["'reward[1]'", "no term called 'clearence'", "'clearance'"],
+        ),
+        (
+            "radius: 0.8",
+            "radios: 0.8",
+            ["'success[0]'", "'radios' is no setting of term 'region'", "'radius'"],
+        ),
+        ("first: alice", "first: carol", ["'success[1]'", "'carol' is no robot of the team", "alice, bob"]),
+        ("{term: region, x: 2, y: 1, weight: 2}", "{term: region, x: 2}", ["'reward[0]'", "needs 'y'"]),
+        ("weight: 2", "weight: heavy", ["'reward[0].weight' must be a number"]),
+        ("at_most: 0.25", "at_most: -1", ["'success[1].at_most' must be at least 0"]),
+        ("sustain_steps: 3", "sustain_steps: 0", ["'sustain_steps' must be at least 1"]),
+        ("sustain_steps: 3", "sustain_steps: 2.5", ["whole number"]),
+        ("rest_speed: null", "rest_speed: 0", ["'rest_speed' must be greater than 0"]),
+        ("halts: false", "halts: no way", ["'halts' must be true or false"]),
+        ("term: clearance", "least: 0", ["line 4", "given twice"]),
+        ("- {term: clearance, least: 0.2}", "- clearance", ["'reward[1]' names no term"]),
+    ],
+)
+def test_mistakes_in_files_are_named(team, written, old, new, parts):
+    assert old in MEET_AT_DOOR
+    file = written(MEET_AT_DOOR.replace(old, new, 1))
+    with pytest.raises(HppError) as caught:
+        make_task(file, team.robots, team.ids)
+    for part in [file, *parts]:
+        assert part in str(caught.value)
+
+
+def test_a_missing_file_is_no_task(team):
+    with pytest.raises(HppError, match=r"nowhere\.yaml: there is no such file.*task files"):
+        make_task("nowhere.yaml", team.robots)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+@pytest.mark.parametrize("name", [entry.name for entry in hub().tasks])
+def test_every_task_is_batched_and_forgives_unknown_headings(fetch, name, count):
+    if name in NEED_TWO and count < 2:
+        pytest.skip("about two robots")
+    task = make_task(name, [fetch] * count)
+    poses = torch.randn(3, 2, count, 3, generator=torch.Generator().manual_seed(count))
+    assert task.reward(poses).shape == task.met(poses).shape == (3, 2)
+    assert task.reward(poses)[1].allclose(task.reward(poses[1]), atol=1e-4)
+    poses[..., 2] = torch.nan
+    assert bool(task.reward(poses).isfinite().all())
+    places = task.places(torch.zeros(3, 2, 2), poses)
+    assert places is None or places.shape == (3, 2, count, 2)
+
+
+NEED_TWO = ("handover", "follow", "pursuit")
