@@ -22,6 +22,8 @@ from hpp_framework.types import Observation, Trajectories
 
 Imagine = Callable[[Float[Tensor, "b g 2"]], Trajectories]
 """The motion of the team for each goal, after one observation."""
+ImaginePlaces = Callable[[Float[Tensor, "b g n 2"]], Trajectories]
+"""The same where each robot has its own place for each goal, see :meth:`hpp_framework.task.Task.places`."""
 
 
 class Predictor(ABC):
@@ -45,6 +47,29 @@ class Predictor(ABC):
         overwrite the trajectories that the call before returned.
         """
         return lambda goals: self.rollout(observation, goals, horizon)
+
+    def condition_places(self, observation: Observation, horizon: int) -> ImaginePlaces:
+        """Prepare the same question for a team in which each robot has its own place.
+
+        Models that know of one shared goal are asked once for the place of each robot, and each answers for
+        the robot whose place it is.
+        """
+        imagine = self.condition(observation, horizon)
+        return lambda places: own_motion(imagine(places.flatten(1, 2)), places.shape[1])
+
+
+def own_motion(imagined: Trajectories, goals: int) -> Trajectories:
+    """Return each robot's motion towards its own place.
+
+    Args:
+        imagined: everybody's motion towards every robot's place, goal by goal.
+        goals: how many there are.
+    """
+    poses = imagined.poses.unflatten(1, (goals, -1)).diagonal(dim1=2, dim2=4).movedim(-1, -2)
+    std = imagined.std
+    if std is not None:
+        std = std.unflatten(1, (goals, -1)).diagonal(dim1=2, dim2=4)
+    return Trajectories(poses, imagined.times, std)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,8 +21,9 @@ from torch import Tensor
 from hpp_framework.errors import ConfigError
 from hpp_framework.planner import Belief, PlannerContext
 from hpp_framework.planning.hpp import hpp, own_predictor
+from hpp_framework.planning.places import own_place
 from hpp_framework.planning.true_predictor import TruePredictor
-from hpp_framework.predictor import Predictor
+from hpp_framework.predictor import ImaginePlaces, Predictor
 from hpp_framework.privileged import PrivilegedPlanner, PrivilegedPredictor, Truth
 from hpp_framework.types import Observation, Trajectories
 
@@ -56,6 +57,7 @@ class OneMind(PrivilegedPlanner):
 
     def __init__(self, name: str, context: PlannerContext, make_predictor: MakePrivileged) -> None:
         self.name = name
+        self.task = context.task
         self._truth: Truth | None = None
         self._predictors: list[PrivilegedPredictor] = []
 
@@ -76,7 +78,7 @@ class OneMind(PrivilegedPlanner):
     def plan(
         self, observation: Observation, belief: Belief | None, rng: torch.Generator
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the goal of the whole team.
+        """Return the own place of the whole team's goal.
 
         Raises:
             ConfigError: if nobody showed the planner the truth.
@@ -88,12 +90,14 @@ class OneMind(PrivilegedPlanner):
                 "`hpp run` show it. Use another planner here."
             )
 
-        def decide() -> tuple[Tensor, Belief]:
+        def decide() -> Belief:
             for predictor in self._predictors:
                 predictor.truth = truth
-            return self.planner.plan(truth.observations[0], belief, rng)
+            return self.planner.plan(truth.observations[0], belief, rng)[1]
 
-        return truth.once(self.name, decide)
+        shared = truth.once(self.name, decide)
+        poses = truth.observations[0].team_poses
+        return own_place(self.task, shared.goal, poses, observation.agent), shared
 
 
 class PooledPredictor(PrivilegedPredictor):
@@ -113,12 +117,27 @@ class PooledPredictor(PrivilegedPredictor):
             predictor.rollout(seen, goals, horizon)
             for predictor, seen in zip(self.predictors, self.truth.observations, strict=True)
         ]
-        poses = torch.stack([one.poses[..., i, :] for i, one in enumerate(own)], -2)
-        sure = [one.std for one in own if one.std is not None]
-        std = (
-            torch.stack([each[..., i] for i, each in enumerate(sure)], -1) if len(sure) == len(own) else None
-        )
-        return Trajectories(poses, own[0].times, std)
+        return _joined(own)
+
+    @torch.no_grad()
+    def condition_places(self, observation: Observation, horizon: int) -> ImaginePlaces:
+        """Ask every robot's own model for that robot's own places."""
+
+        def imagine(places: Float[Tensor, "b g n 2"]) -> Trajectories:
+            pairs = enumerate(zip(self.predictors, self.truth.observations, strict=True))
+            return _joined(
+                [predictor.rollout(seen, places[:, :, i], horizon) for i, (predictor, seen) in pairs]
+            )
+
+        return imagine
+
+
+def _joined(own: list[Trajectories]) -> Trajectories:
+    """Return the motion of each robot as it imagines it itself."""
+    poses = torch.stack([one.poses[..., i, :] for i, one in enumerate(own)], -2)
+    sure = [one.std for one in own if one.std is not None]
+    std = torch.stack([each[..., i] for i, each in enumerate(sure)], -1) if len(sure) == len(own) else None
+    return Trajectories(poses, own[0].times, std)
 
 
 def full_communication(context: PlannerContext) -> OneMind:

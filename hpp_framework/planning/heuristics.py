@@ -7,30 +7,46 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext, certain
+from hpp_framework.planning.places import own_place
+from hpp_framework.task import Task
 from hpp_framework.types import Observation
 
 
 class CentralizedMidpoint(MetaPlanner):
-    """Centralized MP: everybody heads for the mean of all positions."""
+    """Centralized MP: everybody heads for the mean of all positions.
+
+    Args:
+        task: the shared objective, which may give each robot a place of its own around a goal.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
 
     def plan(
         self, observation: Observation, belief: Belief | None, rng: torch.Generator
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the midpoint of the observed poses."""
+        """Return the own place of the midpoint of the observed poses."""
         goal = observation.team_poses[..., :2].mean(1)
-        return goal, certain(goal)
+        return own_place(self.task, goal, observation.team_poses, observation.agent), certain(goal)
 
 
 class CentralizedOther(MetaPlanner):
-    """Centralized OA: everybody heads for another agent; the next one of the team where there are several."""
+    """Centralized OA: everybody heads for another agent; the next one of the team where there are several.
+
+    Args:
+        task: the shared objective, which may give each robot a place of its own around a goal.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
 
     def plan(
         self, observation: Observation, belief: Belief | None, rng: torch.Generator
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the observed position of the next robot."""
-        count = observation.team_poses.shape[1]
-        goal = observation.team_poses[:, (observation.agent + 1) % count, :2]
-        return goal, certain(goal)
+        """Return the own place of the observed position of the next robot."""
+        poses = observation.team_poses
+        goal = poses[:, (observation.agent + 1) % poses.shape[1], :2]
+        return own_place(self.task, goal, poses, observation.agent), certain(goal)
 
 
 class CentralizedRandom(MetaPlanner):
@@ -38,37 +54,36 @@ class CentralizedRandom(MetaPlanner):
 
     Args:
         bounds: (x_min, y_min, x_max, y_max) of the world, metres.
+        task: the shared objective, which may give each robot a place of its own around a goal.
     """
 
     centralised = True
 
-    def __init__(self, bounds: tuple[float, float, float, float]) -> None:
+    def __init__(self, bounds: tuple[float, float, float, float], task: Task) -> None:
+        self.task = task
         self.low = torch.tensor(bounds[:2])
         self.high = torch.tensor(bounds[2:])
 
     def plan(
         self, observation: Observation, belief: Belief | None, rng: torch.Generator
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the point drawn at the first call; not guaranteed to be free."""
-        if belief is not None:
-            return belief.goal, belief
-        draw = torch.rand(len(observation.poses), 2, generator=rng)
-        goal = (self.low + draw * (self.high - self.low)).to(observation.poses)
-        return goal, certain(goal)
+        """Return the own place of the point drawn at the first call; not guaranteed to be free."""
+        if belief is None:
+            draw = torch.rand(len(observation.poses), 2, generator=rng)
+            belief = certain((self.low + draw * (self.high - self.low)).to(observation.poses))
+        return own_place(self.task, belief.goal, observation.team_poses, observation.agent), belief
 
 
 def midpoint(context: PlannerContext) -> CentralizedMidpoint:
     """Build Centralized MP."""
-    del context
-    return CentralizedMidpoint()
+    return CentralizedMidpoint(context.task)
 
 
 def other(context: PlannerContext) -> CentralizedOther:
     """Build Centralized OA."""
-    del context
-    return CentralizedOther()
+    return CentralizedOther(context.task)
 
 
 def random_point(context: PlannerContext) -> CentralizedRandom:
     """Build Centralized RP."""
-    return CentralizedRandom(context.bounds)
+    return CentralizedRandom(context.bounds, context.task)

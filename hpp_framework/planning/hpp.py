@@ -13,6 +13,7 @@ from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.planner import Belief, Imagination, MetaPlanner, PlannerContext
 from hpp_framework.planning.cem import CemConfig, cross_entropy
 from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.planning.places import imagine_task, own_place
 from hpp_framework.predictor import Predictor, PredictorRequest
 from hpp_framework.registry import hub
 from hpp_framework.settings import altered
@@ -70,11 +71,11 @@ class HppPlanner(MetaPlanner):
     def plan(
         self, observation: Observation, belief: Belief | None, rng: torch.Generator
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the mean of the final Gaussian; each plan starts afresh, as in the paper."""
+        """Return the own place of the final Gaussian's mean; each plan starts afresh, as in the paper."""
         del belief
         positions = observation.team_poses[..., :2]
         spread = positions.amax(1) - positions.amin(1)
-        imagine = self.predictor.condition(observation, self.config.horizon)
+        imagine = imagine_task(self.predictor, self.task, observation, self.config.horizon)
         seen: list[Trajectories] = []
 
         def objective(goals: Float[Tensor, "b g 2"]) -> Float[Tensor, "b g"]:
@@ -85,7 +86,8 @@ class HppPlanner(MetaPlanner):
         std = (spread / 2).clamp(min=self.least_std)
         found = cross_entropy(objective, positions.mean(1), std, rng, self.config.cem)
         imagination = Imagination(found.samples, found.scores, seen[0]) if seen else None
-        return found.mean, Belief(found.mean, found.mean, found.std, imagination)
+        own = own_place(self.task, found.mean, observation.team_poses, observation.agent)
+        return own, Belief(found.mean, found.mean, found.std, imagination)
 
 
 MakePredictor = Callable[[str, PlannerContext], Predictor]

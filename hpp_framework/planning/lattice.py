@@ -18,6 +18,7 @@ from torch import Tensor
 from hpp_framework.errors import ConfigError
 from hpp_framework.planner import Belief, Imagination, MetaPlanner
 from hpp_framework.planning.inference import Evidence, GoalInference
+from hpp_framework.planning.places import imagine_task, own_place
 from hpp_framework.planning.response import as_one_gaussian, likeliest, moments, pair_rewards
 from hpp_framework.planning.shadows import in_shadow
 from hpp_framework.predictor import Predictor
@@ -127,12 +128,12 @@ class LatticePlanner(MetaPlanner):
     def plan(
         self, observation: Observation, belief: Belief | None, rng: torch.Generator
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the best lattice point, or the present goal while it is nearly as good."""
+        """Return the own place of the best lattice point, or of the present goal while nearly as good."""
         del rng
         goals = self.candidates(observation)
         if belief is not None:
             goals = torch.cat([belief.goal[:, None], goals], 1)
-        imagined = self.predictor.rollout(observation, goals, self.config.horizon)
+        imagined = imagine_task(self.predictor, self.task, observation, self.config.horizon)(goals)
         before = belief.evidence if isinstance(belief, LatticeBelief) else None
         likelihood = self.inference.weigh(before, observation.team_poses[..., :2], goals)
         costs = self._costs(observation, goals, imagined)
@@ -144,7 +145,8 @@ class LatticePlanner(MetaPlanner):
         goal = goals[torch.arange(len(goals)), choice]
         mean, std = moments(scores / self.config.temperature, goals)
         evidence = Evidence(goals, imagined, likelihood)
-        return goal, LatticeBelief(goal, mean, std, Imagination(goals, scores, imagined), evidence)
+        own = own_place(self.task, goal, observation.team_poses, observation.agent)
+        return own, LatticeBelief(goal, mean, std, Imagination(goals, scores, imagined), evidence)
 
     def _scores(
         self,

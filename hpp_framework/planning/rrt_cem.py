@@ -120,3 +120,9 @@ class OverTime(Task):
     def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
         """Return whether the objective is fulfilled now."""
         return self.task.done(poses, velocities)
+
+    def places(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return each robot's place."""
+        return self.task.places(goals, poses)

@@ -213,7 +213,7 @@ def midpoint(context: PlannerContext) -> RrtPlanner:
     Raises:
         ConfigError: if OMPL is not installed.
     """
-    return follower(CentralizedMidpoint(), context, configured("rrt-mp", PRESETS, context))
+    return follower(CentralizedMidpoint(context.task), context, configured("rrt-mp", PRESETS, context))
 
 
 def other(context: PlannerContext) -> RrtPlanner:
@@ -222,7 +222,7 @@ def other(context: PlannerContext) -> RrtPlanner:
     Raises:
         ConfigError: if OMPL is not installed.
     """
-    return follower(CentralizedOther(), context, configured("rrt-oa", PRESETS, context))
+    return follower(CentralizedOther(context.task), context, configured("rrt-oa", PRESETS, context))
 
 
 Config = TypeVar("Config")

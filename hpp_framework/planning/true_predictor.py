@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.agent import Rest
-from hpp_framework.predictor import Predictor
+from hpp_framework.predictor import ImaginePlaces, Predictor
 from hpp_framework.privileged import PrivilegedPredictor
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
@@ -29,7 +29,7 @@ STILL = 1e-4
 
 
 class TruePredictor(PrivilegedPredictor):
-    """Simulates every goal from the true state, with everybody's real skill, until all stand.
+    """Simulates every goal from the true state, with everybody's real skill, until all rest and stand.
 
     The imagined episodes are free of noise and run in the batch simulator, also where the real ones run in
     SAPIEN.
@@ -43,7 +43,7 @@ class TruePredictor(PrivilegedPredictor):
     def __init__(self, team: Team, task: Task, like: Predictor) -> None:
         self.robots = team.robots
         self.skills = team.skills()
-        self.rest = Rest(task, team.robots)
+        self.rest = Rest(task, team.robots) if task.halts else None
         self.like = like
         self.simulator = BatchSimulator(team.robots)
         self._times: dict[int, Tensor] = {}
@@ -51,8 +51,19 @@ class TruePredictor(PrivilegedPredictor):
     @torch.no_grad()
     def rollout(self, observation: Observation, goals: Float[Tensor, "b g 2"], horizon: int) -> Trajectories:
         """Imagine the motion of the team; episodes that are decided stand still."""
+        everybody = goals[:, :, None].expand(-1, -1, len(self.robots), -1)
+        return self.condition_places(observation, horizon)(everybody)
+
+    def condition_places(self, observation: Observation, horizon: int) -> ImaginePlaces:
+        """Prepare :meth:`rollout` for a team in which each robot has its own place."""
+        return lambda places: self._simulate(observation, places, horizon)
+
+    @torch.no_grad()
+    def _simulate(
+        self, observation: Observation, goals: Float[Tensor, "b g n 2"], horizon: int
+    ) -> Trajectories:
         if horizon not in self._times:
-            first = self.like.rollout(observation.episodes(slice(1)), goals[:1, :1], horizon)
+            first = self.like.rollout(observation.episodes(slice(1)), goals[:1, :1, 0], horizon)
             self._times[horizon] = first.times
         times = self._times[horizon]
         size, candidates = goals.shape[:2]
@@ -67,7 +78,7 @@ class TruePredictor(PrivilegedPredictor):
         return Trajectories(flat.unflatten(0, (size, candidates)), times)
 
     def _imagine(
-        self, episode: Int[Tensor, "r"], goals: Float[Tensor, "r 2"], marks: Sequence[int]
+        self, episode: Int[Tensor, "r"], goals: Float[Tensor, "r n 2"], marks: Sequence[int]
     ) -> Float[Tensor, "r t n 3"]:
         """Return the poses at the marked steps of as many imagined episodes as there are goals."""
         crowd = _Crowd(self, episode, goals)
@@ -106,9 +117,12 @@ class _Crowd:
             Observation(i, poses.window(), scans.window(), self.state.velocities[:, i])
             for i, (poses, scans) in enumerate(zip(self.poses, self.scans, strict=True))
         ]
-        wanted = [skill.act(o, self.goals) for skill, o in zip(self.owner.skills, seen, strict=True)]
-        resting = torch.stack([self.owner.rest(o) for o in seen], 1)
-        commands = torch.stack(wanted, 1).masked_fill(resting[..., None], 0.0)
+        skills = zip(self.owner.skills, seen, self.goals.unbind(1), strict=True)
+        commands = torch.stack([skill.act(o, goal) for skill, o, goal in skills], 1)
+        resting = torch.zeros(commands.shape[:2], dtype=torch.bool)
+        if self.owner.rest is not None:
+            resting = torch.stack([self.owner.rest(o) for o in seen], 1)
+            commands = commands.masked_fill(resting[..., None], 0.0)
         self.state = self.owner.simulator.advance(commands)
         for i, robot in enumerate(self.owner.robots):
             self.poses[i].push(self.state.poses)
