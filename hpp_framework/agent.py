@@ -105,7 +105,7 @@ def make_agent(
     return Agent(
         skill,
         planner,
-        Rest(task, robots),
+        Rest(task, robots) if task.halts else None,
         agent_rng(planner, seed, index),
         Guard(robot) if guard else None,
         Guide(robot) if (planner.guided if guide is None else guide) else None,
@@ -125,8 +125,8 @@ class Agent:
 
     Attributes:
         belief: what the planner said last.
-        goal: that it chose last, world coordinates, metres.
-        waypoint: that the skill drives to.
+        goal: that it chose last for the team, world coordinates, metres.
+        waypoint: that the skill drives to: the goal, the robot's own place around it, or on the way there.
     """
 
     def __init__(
@@ -166,6 +166,6 @@ class Agent:
         self.waypoint, self.belief = self.planner.plan(observation, self.belief, self.rng)
         self.goal = self.belief.goal
         if self.guide is not None:
-            self.waypoint = self.guide(observation, self.goal)
+            self.waypoint = self.guide(observation, self.waypoint)
         self._countdown = self.planner.plan_every
         return self.belief
