@@ -1,6 +1,6 @@
 # `make` lists the targets. Every target that needs Python makes .venv itself.
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types bench vulkan clean
+.PHONY: help demo test lint types docs bench vulkan clean
 SHELL := /bin/bash
 
 BIN := .venv/bin
@@ -27,6 +27,10 @@ lint: $(STAMP) ## style, formatting and the direction of dependencies
 
 types: $(STAMP) ## static types
 	@$(BIN)/basedpyright
+
+docs: $(STAMP) ## this documentation as web pages: build/docs/index.html
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+	@echo "build/docs/index.html"
 
 bench: $(STAMP) ## speed of everything on this machine (more options: make bench BENCH_ARGS="planning --scale full")
 	@$(BIN)/hpp bench $(BENCH_ARGS)
