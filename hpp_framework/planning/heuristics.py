@@ -45,7 +45,8 @@ class CentralizedOther(MetaPlanner):
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
         """Return the own place of the observed position of the next robot."""
         poses = observation.team_poses
-        goal = poses[:, (observation.agent + 1) % poses.shape[1], :2]
+        # a copy, since histories may be overwritten in place while the belief lasts
+        goal = poses[:, (observation.agent + 1) % poses.shape[1], :2].clone()
         return own_place(self.task, goal, poses, observation.agent), certain(goal)
 
 
