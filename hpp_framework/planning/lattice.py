@@ -46,6 +46,8 @@ class LatticeConfig:
             doubt, as do predictors that have none.
         shadow: what a goal costs that lies right behind something seen (in units of reward); 0 ignores it.
         shadow_depth: how far behind, metres.
+        patience: seconds of an episode over which that cost grows to its full size; 0 asks for it from the
+            start.
         evidence: weight of the evidence of motion against the reward; 0 switches inference off.
         surprise: standard deviation of positions around a correct prediction, metres.
         memory: share of the evidence that survives from one plan to the next.
@@ -62,11 +64,12 @@ class LatticeConfig:
     spacing: float = 0.8
     reach: float = 4.0
     shared: bool = True
-    keep: float = 0.4
+    keep: float = 0.0
     terminal: float = 0.4
     doubt: float = 0.3
     shadow: float = 0.5
     shadow_depth: float = 2.5
+    patience: float = 10.0
     evidence: float = 0.3
     surprise: float = 0.15
     memory: float = 0.7
@@ -82,7 +85,7 @@ class LatticeConfig:
         for name in ("spacing", "reach", "surprise", "temperature", "shadow_depth"):
             if not 0 < getattr(self, name) < math.inf:
                 raise ConfigError(f"lattice: {name} must be positive, got {getattr(self, name)}.")
-        for name in ("keep", "evidence", "doubt", "shadow"):
+        for name in ("keep", "evidence", "doubt", "shadow", "patience"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ConfigError(f"lattice: {name} must be 0 or more, got {getattr(self, name)}.")
         for name in ("memory", "terminal"):
@@ -92,9 +95,10 @@ class LatticeConfig:
 
 @dataclass(frozen=True)
 class LatticeBelief(Belief):
-    """Adds what the next plan can learn from."""
+    """Adds what the next plan can learn from, and how many plans there were before it."""
 
     evidence: Evidence | None = None
+    plans: int = 0
 
 
 class LatticePlanner(MetaPlanner):
@@ -134,9 +138,12 @@ class LatticePlanner(MetaPlanner):
         if belief is not None:
             goals = torch.cat([belief.goal[:, None], goals], 1)
         imagined = imagine_task(self.predictor, self.task, observation, self.config.horizon)(goals)
-        before = belief.evidence if isinstance(belief, LatticeBelief) else None
-        likelihood = self.inference.weigh(before, observation.team_poses[..., :2], goals)
-        costs = self._costs(observation, goals, imagined)
+        before = belief if isinstance(belief, LatticeBelief) else None
+        plans = before.plans if before else 0
+        likelihood = self.inference.weigh(
+            before.evidence if before else None, observation.team_poses[..., :2], goals
+        )
+        costs = self._costs(observation, goals, imagined, plans)
         scores = self._scores(imagined, likelihood, goals, costs, observation.agent)
         choice = scores.argmax(1)
         if belief is not None:
@@ -146,7 +153,8 @@ class LatticePlanner(MetaPlanner):
         mean, std = moments(scores / self.config.temperature, goals)
         evidence = Evidence(goals, imagined, likelihood)
         own = own_place(self.task, goal, observation.team_poses, observation.agent)
-        return own, LatticeBelief(goal, mean, std, Imagination(goals, scores, imagined), evidence)
+        imagination = Imagination(goals, scores, imagined)
+        return own, LatticeBelief(goal, mean, std, imagination, evidence, plans + 1)
 
     def _scores(
         self,
@@ -173,7 +181,7 @@ class LatticePlanner(MetaPlanner):
         return (1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]
 
     def _costs(
-        self, observation: Observation, goals: Float[Tensor, "b g 2"], imagined: Trajectories
+        self, observation: Observation, goals: Float[Tensor, "b g 2"], imagined: Trajectories, plans: int
     ) -> Float[Tensor, "b g"]:
         """Return what speaks against goals whatever they promise: doubt, and lying in shadow."""
         config = self.config
@@ -181,8 +189,14 @@ class LatticePlanner(MetaPlanner):
         if config.doubt and imagined.std is not None:
             costs += config.doubt * imagined.std.mean((-1, -2))
         if config.shadow and self.lidar is not None:
-            costs += config.shadow * in_shadow(observation, self.lidar, goals, config.shadow_depth)
+            shadow = config.shadow * self._impatience(plans)
+            costs += shadow * in_shadow(observation, self.lidar, goals, config.shadow_depth)
         return costs
+
+    def _impatience(self, plans: int) -> float:
+        """Return the share of the cost of shadows that is asked for after so many plans."""
+        passed = plans * self.inference.elapsed
+        return min(1.0, passed / self.config.patience) if self.config.patience else 1.0
 
     def candidates(self, observation: Observation) -> Float[Tensor, "b g 2"]:
         """Return the lattice points nearest to the team's midpoint; the same set whoever looks."""

@@ -197,6 +197,24 @@ def test_a_response_follows_the_others_and_not_oneself(team, sensed):
     assert (goal[:, 1] < 0.0).all()
 
 
+def test_shadows_cost_the_more_the_longer_a_team_has_not_met(team, sensed):
+    task = hub().tasks.create("rendezvous", team.robots)
+    config = LatticeConfig(shadow=8.0, patience=10.0, respond=False, evidence=0.0)
+    planner = LatticePlanner(Walks(), task, config, team.robots[0].lidar)
+    without = LatticePlanner(Walks(), task, replace(config, shadow=0.0), team.robots[0].lidar)
+    seen = sensed.observe(0)
+    _, belief = planner.plan(seen, None, torch_rng(0, "a"))
+
+    def cost(plans):
+        before = replace(belief, plans=plans)
+        scores = [p.plan(seen, before, torch_rng(0, "a"))[1].imagination.scores for p in (without, planner)]
+        return (scores[0] - scores[1]).amax().item()
+
+    # a plan a second: half of the cost after 5 s, all of it from 10 s on
+    assert [cost(plans) for plans in (0, 5, 10, 30)] == pytest.approx([0.0, 4.0, 8.0, 8.0], abs=1e-4)
+    assert belief.plans == 1
+
+
 @pytest.mark.parametrize("off", ["shared", "mixture", "respond"])
 def test_every_switch_leaves_a_planner_that_plans(team, sensed, off):
     task = hub().tasks.create("rendezvous", team.robots)
@@ -228,7 +246,7 @@ def test_random_point_is_shared_and_fixed(team, sensed):
     ("name", "value"),
     [
         ("spacing", 0.0), ("reach", -1.0), ("surprise", 0.0), ("temperature", 0.0), ("spacing", float("nan")),
-        ("shadow", -1.0), ("shadow_depth", 0.0),
+        ("shadow", -1.0), ("shadow_depth", 0.0), ("patience", -1.0),
         ("horizon", 0), ("plan_every", 0), ("memory", 1.1), ("memory", -0.1), ("keep", -0.1),
         ("evidence", -1.0), ("reach", float("inf")), ("terminal", 1.1), ("doubt", -0.1), ("hypotheses", 0),
     ],
