@@ -105,7 +105,7 @@ def make_agent(
     return Agent(
         skill,
         planner,
-        Rest(task, robots) if task.halts else None,
+        Rest(task, robots) if task.halts and planner.rests else None,
         agent_rng(planner, seed, index),
         Guard(robot) if guard else None,
         Guide(robot) if (planner.guided if guide is None else guide) else None,
@@ -124,6 +124,7 @@ class Agent:
         guide: turns the robot round at a plan where its way leads back; None leaves all ways to the skill.
 
     Attributes:
+        present: whether the robot takes part now.
         belief: what the planner said last.
         goal: that it chose last for the team, world coordinates, metres.
         waypoint: that the skill drives to: the goal, the robot's own place around it, or on the way there.
@@ -144,6 +145,7 @@ class Agent:
         self.rng = rng
         self.guard = guard
         self.guide = guide
+        self.present = True
         self.belief: Belief | None = None
         self.goal: Tensor = torch.empty(0, 2)
         self.waypoint: Tensor = self.goal
@@ -158,8 +160,23 @@ class Agent:
         self._countdown -= 1
         command = self.skill.act(observation, self.waypoint)
         if self.rest is not None:
-            command = command.masked_fill(self.rest(observation)[:, None], 0.0)
+            command = command.masked_fill(self.resting(observation)[:, None], 0.0)
         return command if self.guard is None else self.guard(observation, command)
+
+    def resting(self, observation: Observation) -> Bool[Tensor, "b"]:
+        """Return whether the robot halts because that fulfils the task."""
+        if self.rest is None:
+            return torch.zeros(len(observation.pose), dtype=torch.bool, device=observation.pose.device)
+        return self.rest(observation)
+
+    def view(self, observation: Observation) -> Observation:
+        """Return what the planner is shown of an observation."""
+        return observation
+
+    def go_on_from(self, other: Agent) -> None:
+        """Take over what another agent of the same robot had in mind, and its randomness."""
+        self.rng, self.belief, self._countdown = other.rng, other.belief, other._countdown
+        self.goal, self.waypoint = other.goal, other.waypoint
 
     def plan(self, observation: Observation) -> Belief:
         """Choose a goal now, whatever the schedule says, and restart the schedule."""

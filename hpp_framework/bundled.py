@@ -64,6 +64,12 @@ def register(hub: Hub) -> None:
         "maddpg", f"{planning}.maddpg:maddpg", summary="learned end to end (Lowe et al. 2017); uses no skill"
     )
     for name, summary in (
+        ("stubborn", "a partner that insists on one goal of its own (x, y)"),
+        ("route", "a partner that drives way-points (points=0 0; 4 0), like a leader"),
+        ("wander", "a stranger that drives from place to place in sight"),
+    ):
+        hub.planners.add(name, f"{planning}.partners:{name}", summary=summary)
+    for name, summary in (
         ("full-communication", "a ceiling: one hpp for all, each robot predicted by itself"),
         ("perfect-model", "a ceiling: one hpp for all, and the simulator predicts"),
     ):

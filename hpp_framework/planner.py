@@ -75,11 +75,15 @@ class MetaPlanner(ABC):
         plan_every: control steps between plans (the paper's T_h).
         centralised: whether all agents share one source of randomness, as only a centralised planner could.
         guided: whether its agents have a :class:`~hpp_framework.guide.Guide` unless told otherwise.
+        heedless: whether it heeds no other robot, so that it goes on as before when the team changes.
+        rests: whether its agents stop where that fulfils the task.
     """
 
     plan_every: int = 10
     centralised: bool = False
     guided: bool = False
+    heedless: bool = False
+    rests: bool = True
 
     @abstractmethod
     def plan(

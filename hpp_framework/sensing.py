@@ -67,7 +67,7 @@ class Sensing:
 
     Args:
         robots: the team.
-        noise: disturbances.
+        noise: disturbances, the same for all or one for each robot as it observes.
         rng: source of the noise.
         history: entries that observations hold; fewer cost less.
         keyframes: that observations hold, one a second; 0 for none.
@@ -80,7 +80,7 @@ class Sensing:
     def __init__(
         self,
         robots: Sequence[RobotSpec],
-        noise: NoiseModel,
+        noise: NoiseModel | Sequence[NoiseModel],
         rng: torch.Generator,
         *,
         history: int = HISTORY,
@@ -89,7 +89,8 @@ class Sensing:
         self.history = history
         self.keyframes = keyframes
         self.robots = tuple(robots)
-        self.noise = noise
+        self.noises = [noise] * len(robots) if isinstance(noise, NoiseModel) else list(noise)
+        self.delay = max(each.delay for each in self.noises)
         self.rng = rng
         self.intensity: Tensor | None = None
         self._poses: Tensor = torch.empty(0)
@@ -104,7 +105,7 @@ class Sensing:
         """Begin histories that repeat the first measurement."""
         poses, scans = self._measure(state)
         self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
-        self._sent = poses[:, None].repeat(1, self.noise.delay + 1, 1, 1, 1)
+        self._sent = poses[:, None].repeat(1, self.delay + 1, 1, 1, 1)
         self._scans = [scan[:, None].repeat(1, self.history, 1) for scan in scans]
         self._velocities = state.velocities
         self._key_poses = poses[:, None].repeat(1, self.keyframes, 1, 1, 1)
@@ -163,32 +164,36 @@ class Sensing:
         """Return poses (b, observers, n, 3) and a scan (b, k) a robot."""
         count = len(self.robots)
         poses = state.poses[:, None].repeat(1, count, 1, 1)
-        if self.noise.position_std or self.noise.heading_std:
-            std = poses.new_tensor([self.noise.position_std, self.noise.position_std, self.noise.heading_std])
+        if any(noise.position_std or noise.heading_std for noise in self.noises):
+            rows = [(noise.position_std, noise.position_std, noise.heading_std) for noise in self.noises]
+            std = poses.new_tensor(rows)[:, None]
             poses = poses + self._normal(poses) * self._scaled(std, poses)
-        return poses, [self._scan(state.scans[:, i, : r.lidar.beams], r) for i, r in enumerate(self.robots)]
+        return poses, [
+            self._scan(state.scans[:, i, : robot.lidar.beams], robot, noise)
+            for i, (robot, noise) in enumerate(zip(self.robots, self.noises, strict=True))
+        ]
 
     def _receive(self, measured: Tensor) -> Tensor:
         """Return what everybody knows (b, observers, n, 3): its own pose at once, the others' late or not."""
-        if not self.noise.delay and not self.noise.pose_dropout:
+        lost_shares = [noise.pose_dropout for noise in self.noises]
+        if not self.delay and not any(lost_shares):
             return measured
-        known = self._sent[:, 0]
-        if self.noise.pose_dropout:
-            share = self._scaled(self.noise.pose_dropout, measured[..., 0])
+        sent = [self._sent[:, -1 - noise.delay, i] for i, noise in enumerate(self.noises)]
+        known = torch.stack(sent, 1)
+        if any(lost_shares):
+            share = self._scaled(measured.new_tensor(lost_shares)[:, None], measured[..., 0])
             lost = torch.rand(measured.shape[:3], generator=self.rng).to(measured) < share
             known = torch.where(lost[..., None], self._poses[:, -1], known)
         own = torch.eye(len(self.robots), dtype=torch.bool, device=measured.device)
         return torch.where(own[:, :, None], measured, known)
 
-    def _scan(self, scan: Tensor, robot: RobotSpec) -> Tensor:
-        std = robot.lidar.noise_std if self.noise.scan_std is None else self.noise.scan_std
+    def _scan(self, scan: Tensor, robot: RobotSpec, noise: NoiseModel) -> Tensor:
+        std = robot.lidar.noise_std if noise.scan_std is None else noise.scan_std
         if std:
             hit = scan < robot.lidar.max_range
             scan = torch.where(hit, scan + self._scaled(std, scan) * self._normal(scan), scan)
-        if self.noise.dropout:
-            lost = torch.rand(scan.shape, generator=self.rng).to(scan) < self._scaled(
-                self.noise.dropout, scan
-            )
+        if noise.dropout:
+            lost = torch.rand(scan.shape, generator=self.rng).to(scan) < self._scaled(noise.dropout, scan)
             scan = scan.masked_fill(lost, robot.lidar.max_range)
         return scan.clamp(robot.lidar.min_range, robot.lidar.max_range)
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
+from hpp_framework.sensing import NoiseModel
 from hpp_framework.skill import Skill
 
 
@@ -30,6 +32,10 @@ class Member:
         believes: what this robot wrongly takes others for, by id; it predicts them with the models of those.
         weights: folder of the predictor weights by which it predicts a robot, by that robot's id (its own is
             possible); robots that are not named are looked for in the folders of everybody.
+        noise: of what this robot observes, by name of :class:`~hpp_framework.sensing.NoiseModel`, instead of
+            that of everybody.
+        joins_at: seconds from which on it takes part; it stands until then.
+        leaves_at: seconds from which on it stands and takes part no longer; None for never.
     """
 
     id: str
@@ -38,6 +44,16 @@ class Member:
     planner: str | None = None
     believes: Mapping[str, Member] = _mapping()
     weights: Mapping[str, Path] = _mapping()
+    noise: Mapping[str, Any] = _mapping()
+    joins_at: float = 0.0
+    leaves_at: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.joins_at < (math.inf if self.leaves_at is None else self.leaves_at):
+            raise ConfigError(
+                f"robot '{self.id}' joins at {self.joins_at:g} s and leaves at {self.leaves_at} s; it must "
+                "join at 0 s or later, and leave after that."
+            )
 
 
 @dataclass(frozen=True)
@@ -70,6 +86,18 @@ class Team:
         """Return the team as one robot takes it to be, by its index; see ``Member.believes``."""
         believes = self.members[agent].believes
         return Team(tuple(believes.get(member.id, member) for member in self.members))
+
+    def part(self, chosen: Sequence[int]) -> Team:
+        """Return the team of some of the robots, by their indices."""
+        return Team(tuple(self.members[index] for index in chosen))
+
+    def noises(self, everybody: NoiseModel) -> list[NoiseModel]:
+        """Return what disturbs each robot's observations.
+
+        Args:
+            everybody: disturbances of robots that have no other.
+        """
+        return [replace(everybody, **member.noise) for member in self.members]
 
     def skills(self) -> list[Skill]:
         """Build everybody's skill."""

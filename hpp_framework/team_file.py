@@ -7,21 +7,25 @@ team, is plain data: run folders record it, and it is read like a file again.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.errors import suggest
+from hpp_framework.errors import ConfigError, suggest
 from hpp_framework.registry import Registry, hub
+from hpp_framework.sensing import NoiseModel
 from hpp_framework.team import Member, Team, parse_team
 from hpp_framework.worlds.fields import Source, read_yaml
 
 SUFFIXES = (".yaml", ".yml")
 
-_DEFAULTS = ("skill", "planner")
+_DEFAULTS = ("skill", "planner", "noise")
 """Keys of the whole team that hold for members that say nothing else."""
 _TEAM = (*_DEFAULTS, "members")
-_MEMBER = ("id", "robot", *_DEFAULTS, "believes", "weights")
+_TIMES = ("joins_at", "leaves_at")
+_MEMBER = ("id", "robot", *_DEFAULTS, "believes", "weights", *_TIMES)
 _BELIEVED = ("robot", "skill")
+_NOISE = tuple(each.name for each in fields(NoiseModel))
 
 
 def is_team_file(text: str) -> bool:
@@ -66,13 +70,15 @@ def effective_team(content: object, file: Path) -> dict[str, Any]:
     source = Source(file)
     team = source.mapping("", content, _TEAM, required=("members",))
     defaults = {key: team[key] for key in _DEFAULTS if key in team}
+    noise = _noise(source, "noise", defaults.pop("noise", {}))
     entries = source.items("members", team["members"])
     if not entries:
         raise source.error("members", "is empty", "List at least one: '- {id: alice, robot: fetch}'.")
     ids = _ids(source, entries)
     return {
         "members": [
-            _member(source, f"members[{i}]", {**defaults, **entry}, ids) for i, entry in enumerate(entries)
+            _member(source, f"members[{i}]", {**defaults, **entry}, ids, noise)
+            for i, entry in enumerate(entries)
         ]
     }
 
@@ -110,6 +116,8 @@ def _build_member(entry: Mapping[str, Any], plain: Mapping[str, Member], skill: 
         planner=entry.get("planner"),
         believes=believes,
         weights={id_: Path(folder) for id_, folder in entry.get("weights", {}).items()},
+        noise=entry.get("noise", {}),
+        **{name: entry[name] for name in _TIMES if name in entry},
     )
 
 
@@ -126,7 +134,9 @@ def _ids(source: Source, entries: list[Any]) -> list[str]:
     return ids
 
 
-def _member(source: Source, key: str, entry: dict[str, Any], ids: list[str]) -> dict[str, Any]:
+def _member(
+    source: Source, key: str, entry: dict[str, Any], ids: list[str], noise: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return the checked entry of one member; what it leaves to the command is left out."""
     found: dict[str, Any] = {
         "id": source.text(f"{key}.id", entry["id"]),
@@ -152,6 +162,35 @@ def _member(source: Source, key: str, entry: dict[str, Any], ids: list[str]) -> 
             id_: _folder(source, f"{key}.weights.{id_}", folder)
             for id_, folder in _by_id(source, f"{key}.weights", entry["weights"], ids).items()
         }
+    if own := {**noise, **_noise(source, f"{key}.noise", entry.get("noise", {}))}:
+        found["noise"] = own
+    return {**found, **_times(source, key, entry)}
+
+
+def _noise(source: Source, key: str, value: object) -> dict[str, Any]:
+    """Return what a noise model is told, by name."""
+    found = source.mapping(key, value, _NOISE)
+    for name, each in found.items():
+        if name == "scan_std" and each is None:
+            continue
+        source.number(f"{key}.{name}", each, low=0)
+        if name == "delay" and not isinstance(each, int):
+            raise source.error(f"{key}.delay", f"counts control steps, got {each}", "Write a whole number.")
+    try:
+        NoiseModel(**found)
+    except ConfigError as error:
+        raise source.error(key, f"is wrong: {str(error).rstrip('.')}", "Mend the number.") from error
+    return found
+
+
+def _times(source: Source, key: str, entry: Mapping[str, Any]) -> dict[str, float]:
+    """Return when a member joins and leaves, in seconds; what is not said is left out."""
+    found = {name: source.number(f"{key}.{name}", entry[name], low=0) for name in _TIMES if name in entry}
+    leaves, joins = found.get("leaves_at"), found.get("joins_at", 0.0)
+    if leaves is not None and leaves <= joins:
+        raise source.error(
+            f"{key}.leaves_at", f"of {leaves:g} s is not after it joins, at {joins:g} s", "Make it later."
+        )
     return found
 
 

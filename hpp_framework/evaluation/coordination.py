@@ -50,8 +50,13 @@ def coordination(episodes: Episodes) -> Coordination:
     under_way = torch.arange(goals.shape[1]) < last[:, None]
     one, other = torch.triu_indices(*[goals.shape[2]] * 2, offset=1)
     gaps = (goals[:, :, one] - goals[:, :, other]).norm(dim=-1)
-    pairs = max(len(one), 1)
-    mean_gap = (gaps.sum(-1) * under_way).sum(1) / (pairs * last.clamp(min=1))
+    counted = under_way[..., None].expand_as(gaps)
+    if episodes.present is not None:
+        # those who do not take part have no goal
+        present = episodes.present[: goals.shape[1]]
+        counted = counted & present[:, one] & present[:, other]
+    gaps = gaps * counted
+    mean_gap = gaps.sum((1, 2)) / counted.sum((1, 2)).clamp(min=1)
     return Coordination(
         goal_gap=mean_gap,
         agreement=_agreement((gaps > AGREED).any(-1), under_way),

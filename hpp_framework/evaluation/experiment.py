@@ -16,21 +16,21 @@ import numpy as np
 import torch
 
 from hpp_framework.agent import Agent
+from hpp_framework.attendance import Shift, shifts
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.distances import curve_file, distance_curves, write_bands, write_curves
 from hpp_framework.evaluation.marl_eval import marl_eval_layout
-from hpp_framework.evaluation.meeting import meeting_bounds
 from hpp_framework.evaluation.planners import parameters, parse_planner
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
+from hpp_framework.evaluation.turns import join_agents, least_times
 from hpp_framework.planner import PRESETS
 from hpp_framework.seeding import child_seed, numpy_rng
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.sim import BACKENDS, make_simulator
-from hpp_framework.task import Task
 from hpp_framework.task_choice import make_task
 from hpp_framework.team import Team, parse_team
 from hpp_framework.team_file import build_team, effective_team, is_team_file, read_team_file
@@ -96,6 +96,10 @@ class Experiment:
             return build_team(self.members, skill=self.skill)
         return parse_team(self.team, skill=self.skill)
 
+    def make_turns(self, team: Team) -> tuple[Shift, ...]:
+        """Return who of the team takes part when, and the task that they have then."""
+        return shifts(team, lambda part: make_task(self.task, part.robots, part.ids))
+
 
 def read_experiment(file: Path, command: str) -> Experiment:
     """Return the experiment that a ``config.json`` describes.
@@ -148,11 +152,11 @@ def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactor
     for planner in experiment.planners:
         parse_planner(planner)
     team = experiment.make_team()
-    task = make_task(experiment.task, team.robots, team.ids)
+    turns = experiment.make_turns(team)
     drawn = [draw_episode(experiment, name, factories[name], 0)[0] for name in experiment.worlds]
     configs: dict[str, Any] = {}
     for planner in experiment.planners:
-        agents = make_agents(experiment, planner, team, task, drawn[0].bounds)
+        agents = make_agents(experiment, planner, team, turns, drawn[0].bounds)
         # members with a planner of their own come last: theirs may be called the same
         for member, agent in sorted(zip(team.members, agents, strict=True), key=lambda m: m[0].planner or ""):
             configs.setdefault(member.planner or planner, parameters(agent.planner))
@@ -166,7 +170,7 @@ def make_agents(
     experiment: Experiment,
     planner: str,
     team: Team,
-    task: Task,
+    turns: Sequence[Shift],
     bounds: tuple[float, float, float, float],
     *,
     seed: int = 0,
@@ -177,14 +181,18 @@ def make_agents(
         experiment: names preset, weights and settings.
         planner: as the experiment names it.
         team: everybody.
-        task: the shared objective.
+        turns: who takes part when.
         bounds: of the world, metres.
         seed: of the agents' randomness.
     """
-    return build_agents(
-        team, planner, task, preset=experiment.preset, bounds=bounds, seed=seed,
-        weights=tuple(map(Path, experiment.weights)), settings=experiment.settings,
-    )  # fmt: skip
+    built = [
+        build_agents(
+            team.part(turn.present), planner, turn.task, preset=experiment.preset, bounds=bounds, seed=seed,
+            weights=tuple(map(Path, experiment.weights)), settings=experiment.settings,
+        )
+        for turn in turns
+    ]  # fmt: skip
+    return join_agents(turns, built, len(team))
 
 
 def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = lambda *_: None) -> Summary:
@@ -284,19 +292,19 @@ def _run_group(
 ) -> list[tuple[EpisodeRow, np.ndarray]]:
     experiment, name = cell.experiment, cell.world
     team = experiment.make_team()
-    task = make_task(experiment.task, team.robots, team.ids)
+    turns = experiment.make_turns(team)
     worlds = [drawn[episode][0] for episode in group]
     starts = np.stack([drawn[episode][1] for episode in group])
     seed = child_seed(experiment.seed, name, group[0])
-    agents = make_agents(experiment, cell.planner, team, task, worlds[0].bounds, seed=seed)
+    agents = make_agents(experiment, cell.planner, team, turns, worlds[0].bounds, seed=seed)
     with make_simulator(experiment.backend, team.robots) as simulator:
         episodes = run_episodes(
-            simulator, worlds, torch.from_numpy(starts).float(), agents, task, noise=experiment.noise,
-            seed=child_seed(experiment.seed, name, group[0], "noise"),
+            simulator, worlds, torch.from_numpy(starts).float(), agents, turns,
+            noise=team.noises(experiment.noise), seed=child_seed(experiment.seed, name, group[0], "noise"),
         )  # fmt: skip
     # the same for every planner
     missing = [i for i, episode in enumerate(group) if episode not in cell.bounds]
-    found = meeting_bounds([worlds[i] for i in missing], starts[missing], team.robots, task)
+    found = least_times([worlds[i] for i in missing], starts[missing], team, turns)
     cell.bounds.update(zip([group[i] for i in missing], found.tolist(), strict=True))
     bounds = np.array([cell.bounds[episode] for episode in group])
     rows = to_rows(name, cell.planner, group, episodes, bounds)

@@ -157,10 +157,7 @@ class Recorder:
                 seen=[_array(o.team_poses[i]) for o in observations],
                 scans=[_array(o.scan[i]) for o in observations],
                 goals=[_array(agent.goal[i]) for agent in agents],
-                resting=[
-                    agent.rest is not None and bool(agent.rest(o)[i])
-                    for agent, o in zip(agents, observations, strict=True)
-                ],
+                resting=[bool(agent.resting(o)[i]) for agent, o in zip(agents, observations, strict=True)],
             )
         )
 

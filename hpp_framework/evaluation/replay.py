@@ -18,7 +18,6 @@ from hpp_framework.seeding import child_seed
 from hpp_framework.sim import make_simulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task import Task
-from hpp_framework.task_choice import make_task
 from hpp_framework.team import Team
 from hpp_framework.types import Observation, State
 from hpp_framework.worlds.loader import WorldFactory
@@ -31,7 +30,7 @@ class Replay:
 
     Attributes:
         team: everybody.
-        task: the shared objective.
+        task: the shared objective, that of the end if the team changed.
         worlds: by episode, in the order of the batch.
         episodes: what happened.
         recorders: of the episodes that were watched.
@@ -115,12 +114,12 @@ def _run(
 ) -> Replay:
     name, first = experiment.worlds[0], min(drawn)
     team = experiment.make_team()
-    task = make_task(experiment.task, team.robots, team.ids)
+    turns = experiment.make_turns(team)
     worlds = {number: world for number, (world, _) in drawn.items()}
     starts = torch.from_numpy(np.stack([start for _, start in drawn.values()])).float()
     seed = child_seed(experiment.seed, name, first)
     bounds = worlds[first].bounds
-    agents = make_agents(experiment, experiment.planners[0], team, task, bounds, seed=seed)
+    agents = make_agents(experiment, experiment.planners[0], team, turns, bounds, seed=seed)
     recorders = {number: Recorder(index=list(drawn).index(number)) for number in watched}
 
     def watch(step: int, state: State, agents: Sequence[Agent], observations: Sequence[Observation]) -> None:
@@ -129,8 +128,8 @@ def _run(
 
     with make_simulator(experiment.backend, team.robots) as simulator:
         episodes = run_episodes(
-            simulator, list(worlds.values()), starts, agents, task, noise=experiment.noise,
-            seed=child_seed(experiment.seed, name, first, "noise"),
+            simulator, list(worlds.values()), starts, agents, turns,
+            noise=team.noises(experiment.noise), seed=child_seed(experiment.seed, name, first, "noise"),
             watch=watch,
         )  # fmt: skip
-    return Replay(team, task, worlds, episodes, recorders)
+    return Replay(team, turns[-1].task, worlds, episodes, recorders)

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.agent import Agent, make_agent
+from hpp_framework.attendance import Shift, attendance
 from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.planners import make_planner, parse_planner
 from hpp_framework.planner import PlannerContext
@@ -45,6 +46,7 @@ class Episodes:
         touched_obstacle: whether any robot touched an obstacle before the episode was done.
         touched_robot: whether any two robots touched each other before the episode was done.
         plan_seconds: wall time of single plans from a belief on, one episode and one agent at a time.
+        present: who takes part at each time; None for everybody all the time.
     """
 
     poses: Float[Tensor, "b t n 3"]
@@ -54,6 +56,7 @@ class Episodes:
     touched_obstacle: Bool[Tensor, "b"]
     touched_robot: Bool[Tensor, "b"]
     plan_seconds: list[float]
+    present: Bool[Tensor, "t n"] | None = None
 
     @property
     def collided(self) -> Bool[Tensor, "b"]:
@@ -65,11 +68,15 @@ class Episodes:
         return torch.where(self.done_step >= 0, self.done_step, self.poses.shape[1] - 1)
 
     def spread(self) -> Float[Tensor, "b t"]:
-        """Return the mean distance between robots over time, in metres (0 for a lone robot)."""
+        """Return the mean distance between those who take part over time, in metres (0 for a lone robot)."""
         xy = self.poses[..., :2]
-        count = xy.shape[2]
-        apart = (xy[:, :, :, None] - xy[:, :, None]).norm(dim=-1).sum((-1, -2))
-        return apart / max(count * (count - 1), 1)
+        apart = (xy[:, :, :, None] - xy[:, :, None]).norm(dim=-1)
+        if self.present is None:
+            count = xy.shape[2]
+            return apart.sum((-1, -2)) / max(count * (count - 1), 1)
+        together = self.present[:, :, None] & self.present[:, None]
+        counts = self.present.sum(1)
+        return (apart * together).sum((-1, -2)) / (counts * (counts - 1)).clamp(min=1)
 
 
 Watcher = Callable[[int, State, Sequence[Agent], Sequence[Observation]], None]
@@ -135,9 +142,9 @@ def run_episodes(
     worlds: Sequence[World],
     starts: Float[Tensor, "b n 3"],
     agents: Sequence[Agent],
-    task: Task,
+    task: Task | Sequence[Shift],
     *,
-    noise: NoiseModel | None = None,
+    noise: NoiseModel | Sequence[NoiseModel] | None = None,
     seed: int = 0,
     steps: int = EPISODE_STEPS,
     watch: Watcher | None = None,
@@ -149,8 +156,8 @@ def run_episodes(
         worlds: one an episode.
         starts: start poses.
         agents: fresh ones, in team order.
-        task: the shared objective.
-        noise: disturbances of what agents observe.
+        task: the shared objective; or who takes part when, each time with the task of those who do.
+        noise: disturbances of what agents observe, the same for all or one for each robot.
         seed: of the noise.
         steps: control steps at most.
         watch: looks on, e.g. to draw pictures.
@@ -158,7 +165,9 @@ def run_episodes(
     state = simulator.reset(worlds, starts)
     sensing = Sensing(simulator.robots, noise or NoiseModel(), torch_rng(seed, "sensing"))
     sensing.reset(state)
-    score = _Score(len(worlds), task)
+    everybody = tuple(range(len(agents)))
+    turns = (Shift(0, everybody, complete=True, task=task),) if isinstance(task, Task) else task
+    score = _Score(len(worlds), turns)
     poses, goals = [state.poses], list[Tensor]()
     plan_seconds = _latencies([sensing.observe(i) for i in range(len(agents))], agents)
     for step in range(steps):
@@ -184,14 +193,16 @@ def run_episodes(
         touched_obstacle=score.touched_obstacle,
         touched_robot=score.touched_robot,
         plan_seconds=plan_seconds,
+        present=attendance(turns, len(poses), len(agents)) if len(turns) > 1 else None,
     )
 
 
 class _Score:
     """Judges episodes by their true state."""
 
-    def __init__(self, episodes: int, task: Task) -> None:
-        self.task = task
+    def __init__(self, episodes: int, turns: Sequence[Shift]) -> None:
+        self.turns = list(turns)
+        self.turn = self.turns.pop(0)
         self.done_step = torch.full((episodes,), -1)
         self.contact_step = torch.full((episodes,), -1)
         self.touched_obstacle = torch.zeros(episodes, dtype=torch.bool)
@@ -199,14 +210,22 @@ class _Score:
         self._sustained = torch.zeros(episodes, dtype=torch.int64)
 
     def update(self, step: int, state: State) -> None:
+        """Judge what the control step before this one led to."""
+        while self.turns and self.turns[0].begun(step - 1):
+            self.turn = self.turns.pop(0)
+            self._sustained.zero_()
         running = self.done_step < 0
         self.touched_obstacle |= state.touched_obstacle.any(1).cpu() & running
         self.touched_robot |= state.touched_robot.any(1).cpu() & running
-        met = self.task.met(state.poses).cpu() & (self.contact_step < 0) & running
+        if not self.turn.complete:
+            return
+        task, present = self.turn.task, list(self.turn.present)
+        poses, velocities = state.poses[:, present], state.velocities[:, present]
+        met = task.met(poses).cpu() & (self.contact_step < 0) & running
         self.contact_step[met] = step
-        done = self.task.done(state.poses, state.velocities).cpu()
+        done = task.done(poses, velocities).cpu()
         self._sustained = torch.where(done, self._sustained + 1, 0)
-        self.done_step[running & (self._sustained >= self.task.sustain_steps)] = step
+        self.done_step[running & (self._sustained >= task.sustain_steps)] = step
 
 
 def _show(truth: Truth, agents: Sequence[Agent]) -> None:
@@ -223,9 +242,9 @@ def _latencies(observations: Sequence[Observation], agents: Sequence[Agent]) -> 
     """
     seconds: list[float] = []
     for agent, observation in zip(agents, observations, strict=True):
-        if isinstance(agent.planner, PrivilegedPlanner):
+        if isinstance(agent.planner, PrivilegedPlanner) or not agent.present:
             continue
-        alone = observation.episodes(slice(1))
+        alone = agent.view(observation.episodes(slice(1)))
         _, belief = agent.planner.plan(alone, None, torch.Generator().manual_seed(0))
         for repeat in range(LATENCY_REPEATS):
             rng = torch.Generator().manual_seed(repeat)

@@ -18,7 +18,6 @@ from hpp_framework.evaluation.experiment import (
     run_experiment,
 )
 from hpp_framework.planning.heuristics import CentralizedMidpoint, CentralizedOther
-from hpp_framework.registry import hub
 from hpp_framework.team_file import read_team_file, resolve_team
 from hpp_framework.worlds.loader import resolve_world
 
@@ -63,6 +62,12 @@ def test_what_members_leave_out_comes_from_the_team_and_then_from_the_command(wr
         ),
         ([ALICE, {**BOB, "believes": {"bob": "fetch"}}], {}, "believes.bob' is the robot itself"),
         ([ALICE, {**BOB, "believes": {"alice": {"robots": "fetch"}}}], {}, "Did you mean 'robot'"),
+        ([{**ALICE, "noise": {"pose": 0.1}}], {}, r"noise.pose' is not a known key. .*position_std"),
+        ([ALICE], {"noise": {"dropout": 2}}, "'noise' is wrong: noise: dropout is a share between 0 and 1"),
+        ([{**ALICE, "noise": {"delay": 0.5}}], {}, "noise.delay' counts control steps"),
+        ([{**ALICE, "joins_at": -1}], {}, r"joins_at' must be at least 0"),
+        ([{**ALICE, "joins_at": 5, "leaves_at": 4}], {}, r"leaves_at' of 4 s is not after it joins, at 5 s"),
+        ([{**ALICE, "joins_at": "5 s"}], {}, "joins_at' must be a number, got '5 s'"),
         ([{**ALICE, "weights": {"alice": "nowhere"}}], {}, "weights.alice' .* is not a folder"),
         ([3], {}, r"'members\[0\]' must be a mapping, got 3"),
     ],
@@ -88,8 +93,7 @@ def experiment(file: Path, **options) -> Experiment:
 def test_every_member_runs_its_own_planner(write):
     shown = experiment(write(ALICE, {**BOB, "planner": "centralized-mp:guard=false"}))
     team = shown.make_team()
-    task = hub().tasks.create("rendezvous", team.robots)
-    alice, bob = make_agents(shown, "centralized-oa", team, task, (-10, -10, 10, 10))
+    alice, bob = make_agents(shown, "centralized-oa", team, shown.make_turns(team), (-10, -10, 10, 10))
     assert isinstance(alice.planner, CentralizedOther)
     assert isinstance(bob.planner, CentralizedMidpoint)
     assert alice.guard is not None
@@ -133,8 +137,7 @@ def test_another_team_in_the_same_file_is_another_experiment(write, tmp_path):
 
 def models(shown: Experiment, agent: int):
     team = shown.make_team()
-    task = hub().tasks.create("rendezvous", team.robots)
-    agents = make_agents(shown, "hpp", team, task, (-10, -10, 10, 10))
+    agents = make_agents(shown, "hpp", team, shown.make_turns(team), (-10, -10, 10, 10))
     return agents[agent].planner.predictor.models
 
 
