@@ -1,9 +1,10 @@
-"""The least time in which a team can be at a rendezvous, wherever that is."""
+"""The least time in which robots can be near one place, wherever that is."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +17,6 @@ from hpp_framework.evaluation.reach import PERIODS, Reach
 from hpp_framework.evaluation.standing import FINER, Part, finer, standing_room
 from hpp_framework.evaluation.ways import ALLOWANCE, DOUBT, cut, is_open
 from hpp_framework.robot import RobotSpec
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task import Task
 from hpp_framework.worlds.geodesic import shortest_ways
 from hpp_framework.worlds.occupancy import RESOLUTION, FreeSpace, free_space
 from hpp_framework.worlds.world import World
@@ -39,40 +38,39 @@ COARSER = 4
 UNREACHED = 1e6
 
 
-def meeting_bounds(
-    worlds: Sequence[World], starts: Float[np.ndarray, "b n 3"], robots: Sequence[RobotSpec], task: Task
-) -> Float[np.ndarray, "b"]:
-    r"""Return times in seconds that no team beats, from rest at the start to success.
+def first_meeting(
+    world: World,
+    starts: Float[np.ndarray, "n 3"],
+    robots: Sequence[RobotSpec],
+    radius: float,
+    members: Sequence[int] | None = None,
+) -> float:
+    r"""Return the first control step before which robots cannot be near one place, wherever that is.
 
-    Success means that for ``task.sustain_steps`` control steps everybody is within ``task.radius`` of the
-    team's centre. So there is a place ``c`` that every robot ``i`` has come within the radius ``d`` of, and
+    There is a place ``c`` that every robot ``i`` has come within the radius of, so
 
-    .. math:: T \ge \min_c \max_i t_i(c) + (\text{sustain\_steps} - 1) \cdot 0.2\,\text{s},
+    .. math:: T \ge \min_c \max_i t_i(c),
 
     where ``t_i(c)`` is the least time, in whole control periods, in which robot ``i`` gets there: the longer
     of the time for the shortest way around the obstacles, inflated by its footprint, and of the time for the
     straight distance with the turn that must come first; see :class:`~hpp_framework.evaluation.reach.Reach`.
 
-    Speeds at the end are left free, although success needs a relative speed below 0.1 m/s: robots may meet
+    Speeds at the end are left free, although success mostly asks for little relative speed: robots may meet
     side by side on the same course, and whoever touches something stops at once.
 
     Args:
-        worlds: one an episode.
-        starts: start poses, at rest.
+        world: the world.
+        starts: start poses of the team, at rest.
         robots: the team.
-        task: its radius is what counts.
+        radius: metres.
+        members: indices of the robots that meet; None for everybody.
 
     Returns:
-        NaN if the task has no radius; infinity where the robots cannot meet within a minute.
+        The step, at least 1; infinity if they cannot meet within a minute.
     """
-    if task.radius is None:
-        return np.full(len(worlds), np.nan)
     reaches = [Reach(robot.drive) for robot in robots]
-    steps = [
-        _Meeting(world, poses, robots, reaches, task.radius).first_step()
-        for world, poses in zip(worlds, starts.astype(np.float64), strict=True)
-    ]
-    return (np.array(steps, np.float64) + task.sustain_steps - 1) * CONTROL_PERIOD
+    everybody = _Meeting(world, starts.astype(np.float64), robots, reaches, radius)
+    return (everybody if members is None else everybody.of(members)).first_step()
 
 
 class _Meeting:
@@ -90,6 +88,14 @@ class _Meeting:
         self.radius = radius + SLACK
         self.spaces = [free_space(world, body_height=robot.height) for robot in robots]
         self.rooms = self._rooms()
+
+    def of(self, members: Sequence[int]) -> _Meeting:
+        """Return the search for some of the robots; what the others take of their room stays taken."""
+        part = copy(self)
+        part.poses = self.poses[list(members)]
+        for name in ("robots", "reaches", "spaces", "rooms"):
+            setattr(part, name, [getattr(self, name)[i] for i in members])
+        return part
 
     def first_step(self) -> float:
         """Return the first control step at which the team can have met, infinity if it never can."""
@@ -200,15 +206,7 @@ class _Meeting:
         self, robot: int, points: Float[np.ndarray, "p 2"], radius: float, limit: int
     ) -> Int[np.ndarray, "p"]:
         """Return the steps that turning and the straight distance to within a radius of points take."""
-        offset = points - self.poses[robot, :2]
-        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
-        bearing = np.arctan2(offset[:, 1], offset[:, 0]) - self.poses[robot, 2]
-        deviation = np.abs((bearing + np.pi) % (2 * np.pi) - np.pi)
-        width = np.arcsin(np.minimum(radius / distance, 1))
-        width = np.where(distance <= radius, np.pi, width)
-        return self.reaches[robot].approaching(
-            distance - radius, np.maximum(deviation - width, 0), self.rooms[robot], limit
-        )
+        return self.reaches[robot].towards(self.poses[robot], points, radius, self.rooms[robot], limit)
 
     def _around(self, robot: int, part: Part, limit: int) -> Int[np.ndarray, "r c"]:
         """Return the steps that the shortest way to each cell takes."""

@@ -88,6 +88,31 @@ class Reach:
         row = np.floor(deviations * ((ANGLES - 1) / math.pi) - 1e-9).astype(int).clip(0, ANGLES - 1)
         return _first_above(nearer, row, distances)
 
+    def towards(
+        self,
+        pose: Float[np.ndarray, "3"],
+        points: Float[np.ndarray, "p 2"],
+        radius: float,
+        room: float,
+        limit: int,
+    ) -> Int[np.ndarray, "p"]:
+        """Return the control periods that getting within a radius of points takes at least, as above.
+
+        Args:
+            pose: at the start, at rest.
+            points: in metres.
+            radius: in metres.
+            room: as in :meth:`approaching`.
+            limit: periods that are looked ahead.
+        """
+        offset = points - pose[:2]
+        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
+        bearing = np.arctan2(offset[:, 1], offset[:, 0]) - pose[2]
+        deviation = np.abs((bearing + np.pi) % (2 * np.pi) - np.pi)
+        width = np.arcsin(np.minimum(radius / distance, 1))
+        width = np.where(distance <= radius, np.pi, width)
+        return self.approaching(distance - radius, np.maximum(deviation - width, 0), room, limit)
+
 
 def _first_above(
     table: Float[np.ndarray, "k t"], row: Int[np.ndarray, "p"], values: Float[np.ndarray, "p"]

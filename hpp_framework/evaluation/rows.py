@@ -19,7 +19,7 @@ from hpp_framework.sim.simulator import CONTROL_PERIOD
 class EpisodeRow:
     """One line of ``episodes.csv``; times are NaN where the event never came.
 
-    ``bound_s`` is from :func:`~hpp_framework.evaluation.meeting.meeting_bounds`, ``rpl`` is success times
+    ``bound_s`` is from :func:`~hpp_framework.evaluation.task_bounds.task_bounds`, ``rpl`` is success times
     bound over time; ``goal_gap_m``, ``agreement_s``, ``side_flips`` and ``chase`` are from
     :class:`~hpp_framework.evaluation.coordination.Coordination`.
     """

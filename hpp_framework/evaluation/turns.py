@@ -58,8 +58,8 @@ def least_times(
 ) -> Float[np.ndarray, "b"]:
     """Return times in seconds that no team beats, whoever takes part at the end.
 
-    See :func:`~hpp_framework.evaluation.task_bounds.task_bounds`. A robot that joins late could have used that
-    time, as far as this bound knows, so it is loose for those.
+    See :func:`~hpp_framework.evaluation.task_bounds.task_bounds`. A robot that joins late could have used
+    that time, as far as this bound knows, so it is loose for those.
 
     Args:
         worlds: one an episode.

@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from hpp_framework.evaluation.gathering import first_met
-from hpp_framework.evaluation.meeting import meeting_bounds
 from hpp_framework.evaluation.reach import Reach
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
+from hpp_framework.evaluation.task_bounds import task_bounds
 from hpp_framework.registry import hub
+from hpp_framework.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Visit
 from hpp_framework.robot import DriveLimits
 from hpp_framework.seeding import numpy_rng
 from hpp_framework.sim.batch import BatchSimulator
@@ -41,7 +42,7 @@ def room(*boxes: Box) -> World:
 
 
 def bound(team, task, world, poses):
-    return float(meeting_bounds([world], np.array([poses], np.float64), team.robots, task)[0])
+    return float(task_bounds([world], np.array([poses], np.float64), team.robots, task)[0])
 
 
 def test_facing_each_other_in_the_open_it_is_the_least_time_of_a_straight_drive(team, task):
@@ -110,8 +111,63 @@ def test_a_task_without_a_radius_has_no_bound(team):
 
         met = done = reward
 
-    found = meeting_bounds([room()], np.zeros((1, 2, 3)), team.robots, Elsewhere())
+    found = task_bounds([room()], np.zeros((1, 2, 3)), team.robots, Elsewhere())
     assert np.isnan(found).all()
+
+
+def test_distances_change_no_faster_than_robots_drive(team):
+    class Row(Task):
+        def __init__(self, wanted):
+            self.wanted = wanted
+
+        def requirement(self):
+            return self.wanted
+
+        def reward(self, poses):
+            raise AssertionError
+
+        met = done = reward
+
+    poses = [[0, 0, 0], [5, 0, 0]]
+    # both together cover 2 m in as many steps as each covers 1 m
+    expected = next(step for step in range(99) if Reach(team.robots[0].drive).distance(step) >= 1.0 - 1e-9)
+    for wanted in (
+        Apart(0, 1, least=7.0), Apart(0, 1, most=3.0), Displaced(0, 1, (-7.5, 0.0), 0.5),
+        AnyOf((Apart(0, 1, least=30.0), Apart(0, 1, least=7.0))), AllOf((Apart(0, 1, 7.0), Apart(0, 1, 6.0))),
+    ):  # fmt: skip
+        assert bound(team, Row(wanted), room(), poses) == pytest.approx((expected + 4) * PERIOD)
+    assert math.isinf(bound(team, Row(AnyOf(())), room(), poses))
+
+
+def test_a_visit_takes_turning_and_the_way_around(team):
+    class Door(Task):
+        def requirement(self):
+            return Visit(0, (3.0, 0.0), 0.5)
+
+        def reward(self, poses):
+            raise AssertionError
+
+        met = done = reward
+
+    ahead = bound(team, Door(), room(), [[0, 0, 0], [-3, 0, 0]])
+    assert ahead < bound(team, Door(), room(), [[0, 0, math.pi], [-3, 0, 0]])
+    wall = room(Box(center=(1.5, 0), size=(0.4, 5)))
+    assert ahead + 1 < bound(team, Door(), wall, [[0, 0, 0], [-3, 0, 0]])
+
+
+def test_only_those_who_meet_count(team):
+    class Pair(Task):
+        def requirement(self):
+            return Gathering(0.5, (0, 1))
+
+        def reward(self, poses):
+            raise AssertionError
+
+        met = done = reward
+
+    trio = parse_team("fetch,freight,fetch")
+    poses = [[-2, 0, 0], [2, 0, math.pi]]
+    assert bound(trio, Pair(), room(), [*poses, [3, 3, 0]]) == bound(team, Pair(), room(), poses)
 
 
 def test_who_has_met_already_needs_to_stay(team, task):
@@ -127,7 +183,7 @@ def test_no_random_drive_towards_each_other_beats_the_bound(robots):
     rng = numpy_rng(999, "bound")
     worlds = [training(rng) for _ in range(4)]
     starts = np.stack([spawn_poses(world, team.robots, rng) for world in worlds])
-    bounds = meeting_bounds(worlds, starts, team.robots, task)
+    bounds = task_bounds(worlds, starts, team.robots, task)
     tries = 200
     simulator = BatchSimulator(team.robots, threads=1)
     many = [world for world in worlds for _ in range(tries)]
@@ -156,7 +212,7 @@ def test_the_bound_is_of_use(team, task):
     rng = numpy_rng(999, "useful")
     world = resolve_world("simple")(rng)
     starts = np.stack([spawn_poses(world, team.robots, rng) for _ in range(8)])
-    bounds = meeting_bounds([world] * 8, starts, team.robots, task)
+    bounds = task_bounds([world] * 8, starts, team.robots, task)
     agents = build_agents(team, "centralized-mp", task)
     episodes = run_episodes(
         BatchSimulator(team.robots), [world] * 8, torch.from_numpy(starts).float(), agents, task
