@@ -16,6 +16,8 @@ def register(hub: Hub) -> None:
     for name, summary in (
         ("formation", "a line, ring or shape of one's own, anywhere, at rest"),
         ("region", "meet at a given place"),
+        ("handover", "two robots face to face, within arm's reach"),
+        ("dispersion", "everybody far from everybody"),
     ):
         hub.tasks.add(name, f"hpp_tasks.{name}:{name}", summary=summary)
     for module, name, summary in (

@@ -7,10 +7,11 @@ import math
 import pytest
 import torch
 from hpp_tasks.rendezvous import Rendezvous
-from hpp_tasks.terms.distances import Between, Gather, Spread
-from hpp_tasks.terms.formation import Form, Formation, line, ring
+from hpp_tasks.terms.distances import Between, Gather, Spaced, Spread
+from hpp_tasks.terms.formation import Form, Formation
 from hpp_tasks.terms.headings import Facing
 from hpp_tasks.terms.places import Coverage, Region
+from hpp_tasks.terms.shapes import line, ring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -45,7 +46,29 @@ def test_gather_counts_beyond_its_radius():
 def test_distances_are_too_near_or_too_far():
     term = Between([(0, 1), (0, 2)], [1.0, 2.0], 3.0)
     assert term.errors(team((0, 0), (0.25, 0), (0, 5))).tolist() == [[0.75, 2.0]]
-    assert term.requirement(0.5) == AllOf((Apart(0, 1, 0.5, 3.5), Apart(0, 2, 1.5, 3.5)))
+    apart = Apart(0, 1, 0.5, 3.5), Apart(0, 2, 1.5, 3.5)
+    assert term.requirement(0.5) == AllOf((*apart, Gathering(1.75, (0, 1)), Gathering(1.75, (0, 2))))
+
+
+def test_spaced_robots_go_out_to_a_ring_in_the_order_in_which_they_stand():
+    term = Spaced([4.0] * 3, math.inf, 3)
+    poses = team((0, 1), (-1, -1), (1, -1))
+    (places,) = term.places(torch.tensor([[5.0, 0.0]]), poses)
+    sides = (places - places.roll(1, 0)).norm(dim=-1).tolist()
+    assert sides == pytest.approx([4.5] * 3, abs=1e-4)
+    assert term.errors(torch.cat([places, torch.zeros(3, 1)], -1)[None]).max() == 0
+    assert places[0, 1] > 0
+    assert places[1, 0] < 5 < places[2, 0]
+
+
+def test_two_that_shall_face_each_other_meet_on_both_sides_and_then_turn():
+    term = Facing(0, 2, apart=1.0)
+    far = torch.tensor([[(-4.0, 0.0, 0.0), (9.0, 9.0, 0.0), (4.0, 0.0, 0.0)]])
+    expected = [[0.5, 2.0], [9.0, 9.0], [1.5, 2.0]]
+    assert term.places(torch.tensor([[1.0, 2.0]]), far)[0].tolist() == expected
+    near = far * torch.tensor([0.125, 1.0, 1.0])
+    # the first looks at the second and waits; the second looks away and is sent to the first
+    assert term.places(torch.tensor([[1.0, 2.0]]), near)[0].tolist() == [[-0.5, 0], [1.125, 9], [-0.5, 0]]
 
 
 def test_region_is_a_disc():

@@ -37,14 +37,14 @@ def nearest_roles(positions: Float[Tensor, "*b n 2"], offsets: Float[Tensor, "n 
 
 
 def turned_roles(positions: Float[Tensor, "*b n 2"], offsets: Float[Tensor, "n 2"]) -> Int[Tensor, "*b n"]:
-    """Return the index of the place that each robot takes if the places may be turned about their mean.
+    """Return the index of the place that each robot takes if the places may be turned about the origin.
 
     For given roles the best turn leaves the sum of squares lower the greater the length of the sum of
     products of positions and places as complex numbers.
 
     Args:
-        positions: of the robots, about their mean.
-        offsets: places, about their mean.
+        positions: of the robots.
+        offsets: places.
     """
     orders, _ = _orders(len(offsets))
     places = torch.view_as_complex(offsets.contiguous())[orders]

@@ -14,6 +14,10 @@ from hpp_framework.requirement import AllOf, Apart, Gathering, Requirement
 from hpp_framework.robot import RobotSpec
 from hpp_framework.task_choice import robot_index
 from hpp_framework.term import Term
+from hpp_tasks.terms.shapes import ring, turned
+
+ROOM = 0.5
+"""Metres by which neighbours on a ring are farther apart than they must be."""
 
 
 def pair_distances(poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b k"]:
@@ -88,9 +92,39 @@ class Between(Term):
     def requirement(self, limit: float) -> Requirement:
         """Return what the distances must be."""
         ranged = zip(self.chosen, self.least, strict=True)
-        return AllOf(
-            tuple(Apart(*pair, max(low - limit, 0.0), self.most + limit) for pair, low in ranged)
-        )  # fmt: skip
+        parts: list[Requirement] = [
+            Apart(*pair, max(low - limit, 0.0), self.most + limit) for pair, low in ranged
+        ]
+        if self.most < math.inf:
+            # seen from the middle between them
+            parts += [Gathering((self.most + limit) / 2, pair) for pair in self.chosen]
+        return AllOf(tuple(parts))
+
+
+class Spaced(Between):
+    """The same of all pairs; robots are sent to a ring around a shared goal on which all have room.
+
+    Args:
+        least: metres, an entry a pair in the order of :func:`pairs`.
+        most: metres.
+        count: robots.
+    """
+
+    def __init__(self, least: Sequence[float], most: float, count: int) -> None:
+        super().__init__(pairs(count), least, most)
+        widest = max(least, default=0.0) + ROOM
+        self.ring = ring(count, widest if widest <= most else (max(least, default=0.0) + most) / 2)
+
+    def places(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"]:
+        """Return places on the ring, in the order in which robots stand around their middle.
+
+        The ring is turned so that they go the least way.
+        """
+        off = poses[..., :2] - poses[..., :2].mean(-2, keepdim=True)
+        order = torch.atan2(off[..., 1], off[..., 0]).argsort(-1).argsort(-1)
+        return goals[..., None, :] + turned(self.ring.to(off)[order], off)
 
 
 def spread(robots: Sequence[RobotSpec]) -> Spread:
@@ -105,17 +139,16 @@ def gather(robots: Sequence[RobotSpec], *, radius: float) -> Gather:
     return Gather(radius)
 
 
-def spacing(robots: Sequence[RobotSpec], *, least: float = 0.0, most: float = math.inf) -> Between:
+def spacing(robots: Sequence[RobotSpec], *, least: float = 0.0, most: float = math.inf) -> Spaced:
     """Build the term ``spacing``: the distance between the centres of every two robots."""
-    every = pairs(len(robots))
-    return Between(every, [least] * len(every), most)
+    return Spaced([least] * len(pairs(len(robots))), most, len(robots))
 
 
-def clearance(robots: Sequence[RobotSpec], *, least: float = 0.3) -> Between:
+def clearance(robots: Sequence[RobotSpec], *, least: float = 0.3) -> Spaced:
     """Build the term ``clearance``: the gap between the footprints of every two robots."""
-    every = pairs(len(robots))
     radii = [robot.footprint_radius for robot in robots]
-    return Between(every, [least + radii[one] + radii[other] for one, other in every])
+    every = [least + radii[one] + radii[other] for one, other in pairs(len(robots))]
+    return Spaced(every, math.inf, len(robots))
 
 
 def distance(

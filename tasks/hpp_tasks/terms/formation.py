@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import Any
 
@@ -18,26 +18,11 @@ from hpp_framework.robot import RobotSpec
 from hpp_framework.term import Term
 from hpp_tasks.terms.assignment import MOST_TURNED, nearest_roles, turned_roles
 from hpp_tasks.terms.distances import pairs
+from hpp_tasks.terms.shapes import Offsets, line, ring, turned
 
 ROLES = ("nearest", "fixed")
 SPACING = 1.2
 """Metres between neighbours, unless a task says otherwise."""
-
-Offsets = Float[Tensor, "n 2"]
-
-
-def line(count: int, spacing: float) -> Offsets:
-    """Return places in a row along x, metres."""
-    x = (torch.arange(count) - (count - 1) / 2) * spacing
-    return torch.stack([x, torch.zeros_like(x)], -1)
-
-
-def ring(count: int, spacing: float) -> Offsets:
-    """Return places at equal distances on a circle, neighbours ``spacing`` metres from each other."""
-    radius = spacing / (2 * math.sin(math.pi / count)) if count > 1 else 0.0
-    angles = torch.arange(count) * (2 * math.pi / count)
-    return radius * torch.stack([angles.cos(), angles.sin()], -1)
-
 
 SHAPES = {"line": line, "ring": ring}
 
@@ -47,7 +32,7 @@ class Form:
     """A shape and what about it is free.
 
     Attributes:
-        offsets: places about their mean, metres.
+        offsets: places, metres.
         nearest: whether any robot may take any place; else the first robot takes the first.
         turn: whether the shape may be turned.
     """
@@ -64,6 +49,22 @@ class Form:
             )
 
 
+def fitted(form: Form, positions: Float[Tensor, "*b n 2"]) -> Float[Tensor, "*b n 2"]:
+    """Return each robot's place in the shape as it fits best about a point, metres from that.
+
+    Args:
+        form: the shape.
+        positions: of the robots about the point, metres.
+    """
+    offsets = form.offsets.to(positions)
+    if form.nearest:
+        choose = turned_roles if form.turn else nearest_roles
+        taken = offsets[choose(positions, offsets)]
+    else:
+        taken = offsets.expand_as(positions)
+    return turned(taken, positions) if form.turn else taken
+
+
 class Formation(Term):
     """How far each robot is from its place in a shape around the team's centre.
 
@@ -74,28 +75,14 @@ class Formation(Term):
     """
 
     def __init__(self, form: Form) -> None:
-        self.form = form
-        self.offsets = form.offsets - form.offsets.mean(0)
+        self.form = replace(form, offsets=form.offsets - form.offsets.mean(0))
+        self.offsets = self.form.offsets
 
     def errors(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b n"]:
         """Return the distances, metres."""
         off = poses[..., :2] - poses[..., :2].mean(-2, keepdim=True)
-        missed = off - self.fitted(off)
+        missed = off - fitted(self.form, off)
         return torch.hypot(missed[..., 0], missed[..., 1])
-
-    def fitted(self, positions: Float[Tensor, "*b n 2"]) -> Float[Tensor, "*b n 2"]:
-        """Return each robot's place in the shape that fits best, metres from its middle.
-
-        Args:
-            positions: about their mean, metres.
-        """
-        offsets = self.offsets.to(positions)
-        if self.form.nearest:
-            choose = turned_roles if self.form.turn else nearest_roles
-            taken = offsets[choose(positions, offsets)]
-        else:
-            taken = offsets.expand_as(positions)
-        return _turned(taken, positions) if self.form.turn else taken
 
     def places(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
@@ -105,7 +92,7 @@ class Formation(Term):
         The sum of squared distances to places around any point differs from that around the team's centre
         only by what is the same for all roles and turns.
         """
-        return goals[..., None, :] + self.fitted(poses[..., :2] - poses[..., :2].mean(-2, keepdim=True))
+        return goals[..., None, :] + fitted(self.form, poses[..., :2] - poses[..., :2].mean(-2, keepdim=True))
 
     def requirement(self, limit: float) -> Requirement:
         """Return how pairs of robots must lie to each other; each may be off by the limit."""
@@ -130,14 +117,6 @@ class Formation(Term):
             apart = math.hypot(x, y)
             return Apart(*pair, max(apart - slack, 0.0), apart + slack)
         return Displaced(*pair, (x, y), slack)
-
-
-def _turned(places: Float[Tensor, "*b n 2"], positions: Float[Tensor, "*b n 2"]) -> Float[Tensor, "*b n 2"]:
-    """Return places turned about their mean so that they fit positions best (both about their means)."""
-    (px, py), (qx, qy) = places.unbind(-1), positions.unbind(-1)
-    angle = torch.atan2((px * qy - py * qx).sum(-1), (px * qx + py * qy).sum(-1))[..., None]
-    cos, sin = angle.cos(), angle.sin()
-    return torch.stack([cos * px - sin * py, sin * px + cos * py], -1)
 
 
 def formation(
