@@ -50,6 +50,11 @@ def is_task_file(text: str) -> bool:
     return text.strip().lower().endswith(SUFFIXES)
 
 
+def task_name(text: str) -> str:
+    """Return what a task is called for short: its registered name, or its file without folder and suffix."""
+    return Path(text.strip()).stem if is_task_file(text) else text.partition(":")[0]
+
+
 def _read(file: Path, told: Mapping[str, Any]) -> ComposedTask:
     source = Source(file)
     content = source.mapping(

@@ -41,7 +41,7 @@ class Run:
     config: Path | None = None
     """A config.json of an earlier run to repeat; other options than --out must be left out then."""
     task: str = "rendezvous"
-    """Registered task."""
+    """Registered task, with settings or without ('formation:shape=ring'), or a YAML file of terms."""
     skill: str = "p2p"
     """Registered skill of every robot."""
     weights: str = ""

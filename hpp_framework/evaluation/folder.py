@@ -1,7 +1,8 @@
 """Run folders: what ``config.json`` records, and which command may write into which folder.
 
-``config.json`` holds the experiment's own fields, ``command`` and ``world_files`` (a digest a world file);
-these must be the same to resume. ``versions`` and ``planner_configs`` are there to be read.
+``config.json`` holds the experiment's own fields, ``command``, ``world_files`` (a digest a world file) and
+``task_file`` (its digest); these must be the same to resume. ``versions`` and ``planner_configs`` are there
+to be read.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.files import read_json, replacing
+from hpp_framework.task_choice import is_task_file
 from hpp_framework.versions import installed
 from hpp_framework.worlds.loader import SUFFIXES, load_world
 
@@ -29,6 +31,9 @@ ADDED: Mapping[str, Any] = {"settings": {}, "members": {}}
 """What experiments of older versions did not record, as they had it."""
 ADDED_NOISE: Mapping[str, Any] = {"delay": 0, "pose_dropout": 0.0}
 """The same of their noise."""
+
+CONTENTS = {"world_files": "contents of world files", "task_file": "contents of the task file"}
+"""Digests, as messages call them."""
 
 NOT_COMPARED = ("versions", "planner_configs")
 
@@ -45,6 +50,7 @@ def record(command: str, experiment: Mapping[str, Any], planner_configs: Mapping
         **experiment,
         "command": command,
         "world_files": digests(experiment["worlds"]),
+        "task_file": task_digest(experiment["task"]),
         "versions": installed_versions(),
         "planner_configs": dict(planner_configs),
     }
@@ -70,6 +76,20 @@ def digests(worlds: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def task_digest(task: str) -> str | None:
+    """Return a digest of a task file; registered tasks have none.
+
+    Raises:
+        ConfigError: if the file cannot be read.
+    """
+    if not is_task_file(task):
+        return None
+    try:
+        return hashlib.sha256(Path(task.strip()).read_bytes()).hexdigest()
+    except OSError as error:
+        raise ConfigError(f"task file '{task}' cannot be read: {error.strerror}.") from error
+
+
 def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
     """Create the folder of an evaluation, or check that it holds the same one.
 
@@ -88,11 +108,11 @@ def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
         if found.get("command", EVALUATE) != EVALUATE:
             raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
         # what an older version did not record cannot differ
-        unknown = {"command", "world_files"} - found.keys()
+        unknown = {"command", "world_files", "task_file"} - found.keys()
         compared = config.keys() - unknown - set(NOT_COMPARED)
         different = [key for key in config if key in compared and found.get(key) != config[key]]
         if different:
-            names = ", ".join("contents of world files" if d == "world_files" else d for d in different)
+            names = ", ".join(CONTENTS.get(key, key) for key in different)
             raise ConfigError(
                 f"'{out}' holds another experiment ({names} differ). Choose another --out, or "
                 "repeat the same options to resume it."
@@ -142,6 +162,11 @@ def read_config(file: Path, command: str) -> dict[str, Any]:
                 f"world file '{name}' has changed since '{file}' was written, so it cannot be repeated. "
                 "Restore the world file, or give the options without --config."
             )
+    if task_digest(found.get("task", "")) != found.get("task_file"):
+        raise ConfigError(
+            f"task file '{found['task']}' has changed since '{file}' was written, so it cannot be repeated. "
+            "Restore it, or give the options without --config."
+        )
     return found
 
 

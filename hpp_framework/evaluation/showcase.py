@@ -24,6 +24,7 @@ from hpp_framework.evaluation.rollout import median_ms
 from hpp_framework.evaluation.video import write_video
 from hpp_framework.files import read_json
 from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.task_choice import task_name
 from hpp_framework.worlds.loader import resolve_world
 
 CROSS = 0.22
@@ -106,7 +107,8 @@ def _write(shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str]
     summary = {**ended, "plan_ms_median": round(median_ms(episodes.plan_seconds), 3)}
     (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
     save_record(out / FILE, record)
-    verdict = f"rendezvous after {summary['time_s']} s" if summary["success"] else "no rendezvous within 20 s"
+    task = task_name(config["task"])
+    verdict = f"{task} after {summary['time_s']} s" if summary["success"] else f"no {task} within 20 s"
     number = f", episode {about['episode']}" if about["episode"] else ""
     where = f"{about['world']}, {about['backend']}, seed {about['seed']}{number}"
     say(f"{planner} ({about['preset']}) in {where}: {verdict}")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 import torch
 from hpp_tasks.formation import eq1_weight
 
 from hpp_framework.composition import ComposedTask
 from hpp_framework.errors import HppError
+from hpp_framework.evaluation import folder
 from hpp_framework.registry import hub
-from hpp_framework.task_choice import make_task
+from hpp_framework.task_choice import make_task, task_name
 from hpp_framework.team import parse_team
 from hpp_framework.term import Term
 
@@ -163,3 +166,21 @@ def test_every_task_is_batched_and_forgives_unknown_headings(fetch, name, count)
 
 
 NEED_TWO = ("handover", "follow", "pursuit")
+
+
+def test_a_run_folder_knows_its_task_file(written, tmp_path):
+    file = written(MEET_AT_DOOR)
+    config = tmp_path / "config.json"
+    config.write_text(json.dumps({"task": file, "task_file": folder.task_digest(file)}))
+    assert folder.read_config(config, "run")["task"] == file
+    written(MEET_AT_DOOR.replace("0.8", "0.9"))
+    with pytest.raises(HppError, match="task file .* has changed"):
+        folder.read_config(config, "run")
+    assert folder.task_digest("formation:shape=ring") is None
+
+
+def test_tasks_have_short_names():
+    assert [task_name(text) for text in ("formation:shape=ring", "here/my_task.yaml")] == [
+        "formation",
+        "my_task",
+    ]
