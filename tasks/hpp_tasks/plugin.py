@@ -18,6 +18,8 @@ def register(hub: Hub) -> None:
         ("region", "meet at a given place"),
         ("handover", "two robots face to face, within arm's reach"),
         ("dispersion", "everybody far from everybody"),
+        ("follow", "keep at a distance from a leader who goes where it likes"),
+        ("pursuit", "stay near a stranger who goes where it likes"),
     ):
         hub.tasks.add(name, f"hpp_tasks.{name}:{name}", summary=summary)
     for module, name, summary in (
@@ -30,6 +32,8 @@ def register(hub: Hub) -> None:
         ("places", "coverage", "distance of an area's points from the nearest robot"),
         ("headings", "facing", "angle at which two named robots see each other"),
         ("formation", "formation", "distance from one's place in a shape"),
+        ("leaders", "escort", "distances of all others from a named leader within a range"),
+        ("leaders", "caught", "distance of the nearest robot from a named stranger"),
     ):
         hub.terms.add(name, f"hpp_tasks.terms.{module}:{name}", summary=summary)
     hub.checkpoints.add(

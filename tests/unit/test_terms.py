@@ -10,6 +10,7 @@ from hpp_tasks.rendezvous import Rendezvous
 from hpp_tasks.terms.distances import Between, Gather, Spaced, Spread
 from hpp_tasks.terms.formation import Form, Formation
 from hpp_tasks.terms.headings import Facing
+from hpp_tasks.terms.leaders import Caught, Escort, pursuers
 from hpp_tasks.terms.places import Coverage, Region
 from hpp_tasks.terms.shapes import line, ring
 from hypothesis import given, settings
@@ -59,6 +60,25 @@ def test_spaced_robots_go_out_to_a_ring_in_the_order_in_which_they_stand():
     assert term.errors(torch.cat([places, torch.zeros(3, 1)], -1)[None]).max() == 0
     assert places[0, 1] > 0
     assert places[1, 0] < 5 < places[2, 0]
+
+
+def test_an_escort_stands_around_where_its_leader_goes():
+    term = Escort(3, 1, 1.0, 3.0)
+    poses = team((2, 0), (0, 0), (0, -9))
+    assert term.errors(poses).tolist() == [[0.0, 6.0]]
+    (places,) = term.places(torch.tensor([[10.0, 10.0]]), poses)
+    assert places[1].tolist() == [10.0, 10.0]
+    # opposite each other, and turned towards where both come from
+    assert (places[0] - places[2]).norm().item() == pytest.approx(4.0)
+    assert (places[0] - 10)[1] > 0 > (places[2] - 10)[1]
+    lone = Escort(2, 0, 1.0, 3.0).places(torch.tensor([[5.0, 0.0]]), team((0, 0), (0, 7)))
+    assert lone[0, 1].tolist() == pytest.approx([5.0, 2.0], abs=1e-5)
+
+
+def test_the_nearest_pursuer_counts():
+    term = Caught(pursuers(3, 2, 1.0))
+    assert term.errors(team((4, 0), (0, 2), (0, 0))).tolist() == [[1.0]]
+    assert isinstance(term.requirement(0.0), AnyOf)
 
 
 def test_two_that_shall_face_each_other_meet_on_both_sides_and_then_turn():

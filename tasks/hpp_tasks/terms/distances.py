@@ -14,7 +14,7 @@ from hpp_framework.requirement import AllOf, Apart, Gathering, Requirement
 from hpp_framework.robot import RobotSpec
 from hpp_framework.task_choice import robot_index
 from hpp_framework.term import Term
-from hpp_tasks.terms.shapes import ring, turned
+from hpp_tasks.terms.shapes import in_order, ring
 
 ROOM = 0.5
 """Metres by which neighbours on a ring are farther apart than they must be."""
@@ -123,8 +123,7 @@ class Spaced(Between):
         The ring is turned so that they go the least way.
         """
         off = poses[..., :2] - poses[..., :2].mean(-2, keepdim=True)
-        order = torch.atan2(off[..., 1], off[..., 0]).argsort(-1).argsort(-1)
-        return goals[..., None, :] + turned(self.ring.to(off)[order], off)
+        return goals[..., None, :] + in_order(self.ring, off)
 
 
 def spread(robots: Sequence[RobotSpec]) -> Spread:

@@ -1,0 +1,48 @@
+"""Follow: everybody keeps at a distance from a leader, who goes where it likes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hpp_framework.composition import ComposedTask, Limit, Rules, Weighed
+from hpp_framework.errors import ConfigError
+from hpp_framework.robot import RobotSpec
+from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.task_choice import robot_index
+from hpp_tasks.formation import eq1_weight
+from hpp_tasks.terms.leaders import Escort
+
+
+def follow(
+    robots: Sequence[RobotSpec],
+    *,
+    ids: Sequence[str] = (),
+    leader: str = "",
+    least: float = 0.8,
+    most: float = 2.4,
+    seconds: float = 5.0,
+) -> ComposedTask:
+    """Build the task for a team.
+
+    Args:
+        robots: the team.
+        ids: of the robots.
+        leader: id of the leader; empty for the first robot.
+        least: distance from the leader, metres.
+        most: the same.
+        seconds: for which it must be kept without a break.
+
+    Raises:
+        ConfigError: if the team has fewer than two robots, or no such leader.
+    """
+    if len(robots) < 2:
+        raise ConfigError("following takes two robots.")
+    index = robot_index(leader, ids, "the leader") if leader else 0
+    term = Escort(len(robots), index, least, most)
+    rules = Rules(sustain_steps=control_steps(seconds), rest_speed=None, halts=False)
+    return ComposedTask([Weighed(term, eq1_weight(2))], [Limit(term)], rules)
+
+
+def control_steps(seconds: float) -> int:
+    """Return the control steps that so many seconds are, at least one."""
+    return max(round(seconds / CONTROL_PERIOD), 1)

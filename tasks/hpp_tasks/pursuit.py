@@ -1,0 +1,41 @@
+"""Pursuit: somebody stays near a stranger, who goes where it likes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hpp_framework.composition import ComposedTask, Limit, Rules, Weighed
+from hpp_framework.errors import ConfigError
+from hpp_framework.robot import RobotSpec
+from hpp_framework.task_choice import robot_index
+from hpp_tasks.follow import control_steps
+from hpp_tasks.formation import eq1_weight
+from hpp_tasks.terms.leaders import Caught, pursuers
+
+
+def pursuit(
+    robots: Sequence[RobotSpec],
+    *,
+    ids: Sequence[str] = (),
+    stranger: str = "",
+    near: float = 1.2,
+    seconds: float = 1.0,
+) -> ComposedTask:
+    """Build the task for a team.
+
+    Args:
+        robots: the team.
+        ids: of the robots.
+        stranger: id of the one who is pursued; empty for the last robot.
+        near: distance of the centres that counts as caught, metres.
+        seconds: for which one of the others must be that near, not always the same.
+
+    Raises:
+        ConfigError: if the team has fewer than two robots, or no such stranger.
+    """
+    if len(robots) < 2:
+        raise ConfigError("a pursuit takes two robots.")
+    index = robot_index(stranger, ids, "the stranger") if stranger else len(robots) - 1
+    chase = pursuers(len(robots), index, near)
+    rules = Rules(sustain_steps=control_steps(seconds), rest_speed=None, halts=False)
+    return ComposedTask([Weighed(chase, eq1_weight(2))], [Limit(Caught(chase))], rules)
