@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,6 +20,8 @@ from hpp_framework.files import replacing
 from hpp_framework.registry import hub
 
 FORMAT = 1
+WEIGHTS_VARIABLE = "HPP_WEIGHTS"
+"""Environment variable with more folders of weights, separated as in PATH; workers inherit it."""
 
 
 def save_checkpoint(file: Path, weights: Mapping[str, Tensor], metadata: Mapping[str, Any]) -> None:
@@ -91,11 +94,25 @@ def load_checkpoint(file: Path, expected: Mapping[str, Any]) -> tuple[dict[str, 
 
 
 def weight_folders(extra: Sequence[Path]) -> list[Path]:
-    """Return where weights are searched, in this order: folders of one's own, then those of plugins."""
-    return [*extra, *(entry.factory()() for entry in hub().checkpoints)]
+    """Return where weights are searched.
+
+    In this order: folders of one's own, those that the environment variable :data:`WEIGHTS_VARIABLE` names,
+    then those of plugins.
+    """
+    named = os.environ.get(WEIGHTS_VARIABLE, "").split(os.pathsep)
+    return [*extra, *(Path(name) for name in named if name), *(e.factory()() for e in hub().checkpoints)]
 
 
-def find_weights(folders: Sequence[Path], role: str, kind: str, name: str, remedy: str) -> Path:
+def find_weights(
+    folders: Sequence[Path],
+    role: str,
+    kind: str,
+    name: str,
+    remedy: str,
+    *,
+    expected: Mapping[str, Any] | None = None,
+    asked: int = 0,
+) -> Path:
     """Return the first file of weights, ``KIND/NAME.safetensors`` in one of the folders.
 
     Args:
@@ -104,14 +121,27 @@ def find_weights(folders: Sequence[Path], role: str, kind: str, name: str, remed
         kind: registered name of that.
         name: of the file.
         remedy: how to make them.
+        expected: metadata that must be equal; weights made for something else are passed over.
+        asked: how many folders, from the first, were asked for by name: of their weights none is passed over.
 
     Raises:
         CheckpointError: if there is none.
     """
-    for folder in folders:
+    others: list[str] = []
+    for place, folder in enumerate(folders):
         file = folder / kind / f"{name}.safetensors"
-        if file.is_file():
+        if not file.is_file():
+            continue
+        if expected is None or place < asked:
             return file
+        try:
+            load_checkpoint(file, expected)
+        except CheckpointError as error:
+            others.append(str(error))
+        else:
+            return file
+    if others:
+        raise CheckpointError(f"{others[0]} {remedy}")
     searched = ", ".join(f"'{folder / kind}'" for folder in folders) or "no folder"
     raise CheckpointError(f"no weights '{name}.safetensors' of {role} '{kind}' found in {searched}. {remedy}")
 

@@ -44,7 +44,7 @@ class SkillTraining:
         out: folder for weights, card, curves and resumable state.
         seed: of the worlds, the noise and the network.
         steps: robot control steps to train for.
-        init: weights to start from, or None.
+        init: weights to start from: a file, or the name of a robot that has some; or None.
         threads: torch threads.
         settings: of the trainer's recipe, by dotted name, e.g. ``{"reward.touch": -0.4}``.
         judge: whether the finished skill is judged in unseen worlds for its card.

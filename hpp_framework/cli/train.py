@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,8 +14,7 @@ from hpp_framework.errors import ConfigError
 from hpp_framework.settings import altered, parse_settings
 
 if TYPE_CHECKING:
-    from hpp_framework.predictor import PredictorTraining, TrainingProgress
-    from hpp_framework.workers import Report
+    from hpp_framework.predictor import TrainingProgress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +30,7 @@ class TrainSkill:
     seed: int = 0
     """Seed of rooms, noise and network."""
     init: Path | None = None
-    """Weights of another robot to start from."""
+    """Weights to start from: a file, or a registered robot that has some, e.g. fetch."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
     """Settings of the trainer's recipe, e.g. reward.touch=-0.4 network.hidden=64."""
     threads: int = 2
@@ -90,7 +89,8 @@ class TrainPredictor:
         from hpp_framework.prediction.library import model_pairs
         from hpp_framework.predictor import PredictorTraining
         from hpp_framework.registry import hub
-        from hpp_framework.workers import available_cores, run_tasks
+        from hpp_framework.training.predictors import train_predictors
+        from hpp_framework.workers import available_cores
 
         hub().predictor_trainers.entry(self.name)
         workers = available_cores() if self.workers is None else self.workers
@@ -104,15 +104,8 @@ class TrainPredictor:
             )
             for agent, subject in pairs.values()
         ]  # fmt: skip
-        _show(pairs, self.steps, run_tasks(_train, [(self.name, t) for t in trainings], workers=workers))
+        _show(pairs, self.steps, train_predictors(self.name, trainings, workers=workers))
         print(f"weights: {self.out / self.name}")
-
-
-def _train(task: tuple[str, PredictorTraining], report: Report) -> None:
-    from hpp_framework.registry import hub
-
-    name, training = task
-    hub().predictor_trainers.create(name, replace(training, report=report))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -85,6 +85,8 @@ class TrajectoryData:
             "validation": range(len(chunks) - held_out, len(chunks)),
         }
         self._rows, self.steps, self._robots, _ = chunks[0]["poses"].shape
+        # scans are as wide as the widest of the team
+        self._beams = [robot.lidar.beams for robot in self.team.robots]
         # one row a measurement, so that gathering copies whole rows
         row = {"poses": 3 * self._robots, "scans": chunks[0]["scans"].shape[-1], "goals": 2}
         self._chunks = [{name: array.reshape(-1, row[name]) for name, array in c.items()} for c in chunks]
@@ -131,8 +133,7 @@ class TrajectoryData:
         poses = self._gather("poses", chunks, np.concatenate([past, ahead], 1))
         poses = poses.unflatten(-1, (self._robots, 3))
         seen = np.concatenate([past[:, HISTORY - scan_history :], ahead[:, :scan_future]], 1)
-        scans = self._gather("scans", chunks, seen * self._robots + agent)
-        scans = scans.to(torch.float32).mul_(SCAN_UNIT)
+        scans = self._scans(chunks, seen, agent)
         goals = self._gather("goals", chunks, np.concatenate([start + time, ahead - 1], 1))
         same = (goals[:, 1:] == goals[:, :1]).all(-1)
         return Batch(
@@ -156,11 +157,15 @@ class TrajectoryData:
         count: int,
     ) -> Keyframes:
         rows = start + np.maximum(time - KEYFRAME_EVERY * np.arange(count, 0, -1), 0)
-        scans = self._gather("scans", chunks, rows * self._robots + agent)
-        return Keyframes(
-            self._gather("poses", chunks, rows).unflatten(-1, (self._robots, 3)),
-            scans.to(torch.float32).mul_(SCAN_UNIT),
-        )
+        poses = self._gather("poses", chunks, rows).unflatten(-1, (self._robots, 3))
+        return Keyframes(poses, self._scans(chunks, rows, agent))
+
+    def _scans(
+        self, chunks: npt.NDArray[np.int64], rows: npt.NDArray[np.int64], agent: int
+    ) -> Float[Tensor, "b r k"]:
+        """Return what one robot's lidar measured at rows (b, r), in metres."""
+        scans = self._gather("scans", chunks, rows * self._robots + agent)[..., : self._beams[agent]]
+        return scans.to(torch.float32).mul_(SCAN_UNIT)
 
     def _gather(
         self, name: str, chunks: npt.NDArray[np.int64], rows: npt.NDArray[np.int64]

@@ -12,11 +12,12 @@ from torch import nn
 from hpp_framework.checkpoints import find_weights, load_checkpoint, load_into, weight_folders
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.predictor import PredictorRequest
+from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sensing import HISTORY
 from hpp_framework.team import Member, Team
 
-REMEDY = "Train them: hpp collect, then hpp train predictor (see --help)."
+STOP_GAP = "--set predictor=empty-world plans without weights, as if nothing stood in the way."
 
 
 def file_name(agent: Member, subject: Member, *, own: bool) -> str:
@@ -57,15 +58,52 @@ def model_pairs(
     return pairs
 
 
+def remedy(team: Team) -> str:
+    """Return what to do about weights that a team lacks."""
+    robots = ",".join(dict.fromkeys(member.robot.name for member in team.members))
+    skills = ", ".join(
+        dict.fromkeys(f"hpp onboard {member.skill} --with {robots}" for member in team.members)
+    )
+    return (
+        "Motion models belong to robots and their skills: a new robot or skill needs models of its own. "
+        f"One command makes all that a team of these needs: {skills}. Until then {STOP_GAP}"
+    )
+
+
+def skill_name(member: Member) -> str:
+    """Return the name under which a member's skill is registered, however it was written."""
+    return hub().skills.entry(member.skill).name if member.skill in hub().skills else member.skill
+
+
+def find_model(kind: str, request: PredictorRequest, subject: int) -> Path:
+    """Return the weights by which the agent of a request predicts a robot of its team.
+
+    Raises:
+        CheckpointError: if there are none, or they were made for something else.
+    """
+    agent, other, own = _members(request, subject)
+    named = agent.weights.get(other.id)
+    # a folder that is named for this pair must have them
+    asked = (named,) if named else request.folders
+    return find_weights(
+        asked if named else weight_folders(asked), "predictor", kind, file_name(agent, other, own=own),
+        remedy(request.team), expected=expected_metadata(kind, agent, other, own=own), asked=len(asked),
+    )  # fmt: skip
+
+
+def _members(request: PredictorRequest, subject: int) -> tuple[Member, Member, bool]:
+    return *find_members(request.team, request.agent, subject), request.agent == subject
+
+
 def expected_metadata(kind: str, agent: Member, subject: Member, *, own: bool) -> dict[str, Any]:
     """Return what weights must say of themselves to fit."""
     return {
         "predictor": kind,
         "role": "self" if own else "other",
         "agent": agent.robot.name,
-        "agent_skill": agent.skill,
+        "agent_skill": skill_name(agent),
         "subject": subject.robot.name,
-        "subject_skill": subject.skill,
+        "subject_skill": skill_name(subject),
         "beams": agent.robot.lidar.beams,
         "history": HISTORY,
     }
@@ -90,16 +128,11 @@ def load_models(
     """
     for folder in request.folders:
         _check_folder(folder, kind)
-    members = request.team.members
-    agent = members[request.agent]
-    shared = weight_folders(request.folders)
     models: list[nn.Module] = []
-    for index, subject in enumerate(members):
-        own = index == request.agent
-        # a folder that is named for this pair must have them
-        folders = [agent.weights[subject.id]] if subject.id in agent.weights else shared
-        file = find_weights(folders, "predictor", kind, file_name(agent, subject, own=own), REMEDY)
-        weights, _ = load_checkpoint(file, expected_metadata(kind, agent, subject, own=own))
+    for subject in range(len(request.team)):
+        agent, other, own = _members(request, subject)
+        file = find_model(kind, request, subject)
+        weights, _ = load_checkpoint(file, expected_metadata(kind, agent, other, own=own))
         model = build(agent.robot)
         load_into(model, weights, file)
         models.append(model.eval())
@@ -115,13 +148,11 @@ def find_cards(kind: str, request: PredictorRequest) -> dict[str, dict[str, Any]
         kind: registered predictor name.
         request: who predicts whom.
     """
-    agent = request.team.members[request.agent]
     found: dict[str, dict[str, Any]] = {}
-    for index, subject in enumerate(request.team.members):
-        name = file_name(agent, subject, own=index == request.agent)
+    for subject in range(len(request.team)):
         with suppress(CheckpointError):
-            file = find_weights(weight_folders(request.folders), "predictor", kind, name, REMEDY)
-            found[name] = load_checkpoint(file, {})[1]
+            file = find_model(kind, request, subject)
+            found[file.stem] = load_checkpoint(file, {})[1]
     return found
 
 

@@ -86,7 +86,7 @@ def test_another_skill_is_refused(kind, team, weights, place, role):
 @pytest.mark.parametrize("place", [0, 1])
 def test_there_are_no_weights_for_another_robot(kind, team, weights, place):
     robot = replace(team.members[place].robot, name="rover")
-    with pytest.raises(CheckpointError, match=r"no weights '.*rover.safetensors' .* hpp train predictor"):
+    with pytest.raises(CheckpointError, match=r"no weights '.*rover.safetensors' .* hpp onboard p2p --with"):
         ask(kind, changed(team, place, robot=robot), weights)
 
 

@@ -535,7 +535,8 @@ def test_a_robot_without_weights_is_one_line(register, fetch, tmp_path, monkeypa
     assert stop.value.code == 2
     message = capsys.readouterr().err
     assert message.count("\n") == 1
-    assert "no p2p weights for robot 'cart'" in message
+    assert "no weights 'cart.safetensors' of skill 'p2p'" in message
+    assert "hpp onboard cart" in message
 
 
 def test_planners_are_compared_unless_skills_are_asked_for(monkeypatch):

@@ -9,8 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework import geometry
-from hpp_framework.checkpoints import load_checkpoint, load_into
-from hpp_framework.errors import CheckpointError
+from hpp_framework.checkpoints import find_weights, load_checkpoint, load_into, weight_folders
 from hpp_framework.robot import RobotSpec
 from hpp_framework.skill import Skill
 from hpp_framework.types import Observation
@@ -51,6 +50,23 @@ def predictor_folder() -> Path:
     return Path(__file__).parent / "predictors"
 
 
+def find(robot: RobotSpec) -> Path:
+    """Return the weights for a robot: shipped ones, or ``p2p/ROBOT.safetensors`` in a folder of weights.
+
+    Raises:
+        CheckpointError: if there are none, or they were made for another robot.
+    """
+    shipped = WEIGHTS / f"{robot.name}.safetensors"
+    if shipped.is_file():
+        return shipped
+    remedy = (
+        f"Train them, with all that teams must learn of this robot: hpp onboard {robot.name}; or them alone: "
+        f"hpp train skill p2p --robot {robot.name}"
+    )
+    folders, expected = weight_folders(()), expected_metadata(robot)
+    return find_weights(folders, "skill", "p2p", robot.name, remedy, expected=expected)
+
+
 def load(robot: RobotSpec, file: Path | None = None) -> PointToPoint:
     """Load the skill for a robot.
 
@@ -61,12 +77,7 @@ def load(robot: RobotSpec, file: Path | None = None) -> PointToPoint:
     Raises:
         CheckpointError: if there are no weights for this robot, or they were made for another.
     """
-    file = file or WEIGHTS / f"{robot.name}.safetensors"
-    if not file.is_file():
-        raise CheckpointError(
-            f"there are no p2p weights for robot '{robot.name}' ('{file}'). "
-            f"Train them: hpp train skill p2p --robot {robot.name}"
-        )
+    file = file or find(robot)
     weights, card = load_checkpoint(file, expected_metadata(robot))
     network = PolicyNetwork(robot, NetworkShape(**card.get("network", {})))
     load_into(network, weights, file)

@@ -29,7 +29,7 @@ from hpp_framework.worlds.pool import build_practice_pool
 from hpp_skills.p2p.network import Encoder, NetworkShape, PolicyNetwork
 from hpp_skills.p2p.recipe import GOING_ON, Recipe, Rooms
 from hpp_skills.p2p.skill import PointToPoint as PointToPointSkill
-from hpp_skills.p2p.skill import expected_metadata
+from hpp_skills.p2p.skill import expected_metadata, find
 
 JUDGED: dict[str, dict[str, Any]] = {
     name: {"world": name, "clearance": clearance, "episodes": 200}
@@ -51,7 +51,8 @@ def train(config: SkillTraining) -> Path:
     robot: RobotSpec = hub().robots.create(config.robot)
     recipe = Recipe().altered(GOING_ON if config.init else {}).altered(config.settings)
     # wrong weights to start from are found before the minute it takes to build the worlds
-    initial = _initial(config.init, robot, recipe) if config.init else None
+    init = _weights(config.init) if config.init else None
+    initial = _initial(init, robot, recipe) if init else None
     started = time()
     model = train_ppo(
         _env(recipe, robot, config),
@@ -64,7 +65,7 @@ def train(config: SkillTraining) -> Path:
         share=partial(_share, recipe.rooms),
         initial=initial,
         run={
-            "skill": "p2p", "robot": robot.name, "init": file_digest(config.init), "recipe": asdict(recipe)
+            "skill": "p2p", "robot": robot.name, "init": file_digest(init), "recipe": asdict(recipe)
         },
     )  # fmt: skip
     file = config.out / f"{robot.name}.safetensors"
@@ -74,7 +75,7 @@ def train(config: SkillTraining) -> Path:
         "steps": model.num_timesteps,
         "minutes": round((time() - started) / 60, 1),
     }
-    earlier = load_checkpoint(config.init, {})[1].get("stages", []) if config.init else []
+    earlier = load_checkpoint(init, {})[1].get("stages", []) if init else []
     metadata = {**_card(config, robot, recipe), "stages": [*earlier, stage]}
     if config.judge:
         seed = child_seed(config.seed, "unseen worlds")
@@ -158,6 +159,12 @@ def export(model: PPO, robot: RobotSpec, shape: NetworkShape) -> PolicyNetwork:
     network.hidden.load_state_dict(hidden[0].state_dict())
     network.action.load_state_dict(action.state_dict())
     return network
+
+
+def _weights(init: Path) -> Path:
+    """Return the file to start from: itself, or that of the robot it names."""
+    named = str(init) in hub().robots and not init.is_file()
+    return find(hub().robots.create(str(init))) if named else init
 
 
 def _initial(file: Path, robot: RobotSpec, recipe: Recipe) -> Callable[[PPO], None]:
