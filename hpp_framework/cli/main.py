@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from hpp_framework.cli.bench import Bench
+from hpp_framework.cli.check import Check
 from hpp_framework.cli.collect import Collect
 from hpp_framework.cli.doctor import Doctor
 from hpp_framework.cli.evaluate import Evaluate
@@ -30,6 +31,7 @@ Command = (
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[New, tyro.conf.subcommand("new")]
+    | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Collect, tyro.conf.subcommand("collect")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Search, tyro.conf.subcommand("search")]

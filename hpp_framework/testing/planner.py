@@ -1,0 +1,252 @@
+"""``check_planner``: whether plans are goals within the world, repeatable, and belong to one agent alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from hpp_framework.agent import Agent, make_agent
+from hpp_framework.errors import CheckpointError
+from hpp_framework.evaluation.rollout import Episodes, run_episodes
+from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
+from hpp_framework.privileged import PrivilegedPlanner
+from hpp_framework.registry import hub
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.task import Task
+from hpp_framework.team import Team, parse_team
+from hpp_framework.testing.build import KIND, WEIGHTS, Source, build, find_source
+from hpp_framework.testing.purity import (
+    NOT_REPEATABLE,
+    check_pure,
+    check_rows,
+    check_tensor,
+    restored_generators,
+)
+from hpp_framework.testing.report import Report, Rule
+from hpp_framework.testing.scene import EPISODES, Scene, find_teams, make_scene
+from hpp_framework.types import Observation
+
+PLAN_EVERY = Rule(
+    name="plan-every",
+    why="agents count control steps down to the next plan; below 1 they never plan again.",
+    fix="plan_every: int = 10, at least 1 (control steps of 0.2 s).",
+)
+CENTRALISED = Rule(
+    name="centralised",
+    why="it decides whether all agents share one source of randomness; text and None are taken for an "
+    "answer.",
+    fix="centralised: bool = False and guided: bool = False, or True.",
+)
+BELIEF = Rule(
+    name="belief",
+    why="the next call gets it back: it is all that a planner may remember, and what figures show.",
+    fix="return goal, Belief(goal=..., mean=..., std=...), each (episodes, 2), std 0 or more; "
+    "certain(goal) if "
+    "there is no doubt.",
+)
+OUTSIDE = Rule(
+    name="goal-outside",
+    why="nobody gets there: goals are world coordinates in metres, not in a robot's frame, not in pixels.",
+    fix="goals within context.bounds (x_min, y_min, x_max, y_max): geometry.to_world for goals in a "
+    "robot's frame, "
+    "and clamp.",
+)
+TASK = "rendezvous"
+"""The task of commands."""
+RULES = (PLAN_EVERY, CENTRALISED, BELIEF, OUTSIDE)
+
+SIGNATURE = "(context: PlannerContext) -> MetaPlanner"
+MEANING = "(episodes, [x, y])"
+STEPS = 12
+"""Control steps of the episode."""
+ROUNDED = 1e-3
+"""Metres by which rounding may change a goal."""
+
+
+def check_planner(
+    planner: str | MetaPlanner | Callable[[PlannerContext], MetaPlanner],
+    *,
+    team: str | Team | None = None,
+    task: str | Task | None = None,
+    preset: str = "best",
+) -> None:
+    """Check a planner by questions, and by an episode of its team in the batch simulator.
+
+    Args:
+        planner: registered name, factory or object.
+        team: that plans, e.g. ``"rover,rover"``; None for the first pair that it can be built for.
+        task: of the team, by name or as an object; None for that of the commands.
+        preset: of planners that have presets.
+
+    Raises:
+        CheckError: if anything is wrong; holds everything that was found.
+        UnknownNameError: if nothing has that name.
+    """
+    source, report = find_source("planner", planner, MetaPlanner)
+    context, made = _build(source, report, team, task, preset)
+    if context is not None and made is not None:
+        scene = make_scene(context.team)
+        _check_attributes(report, made)
+        if isinstance(made, PrivilegedPlanner) or _check_plans(report, made, scene.observations[0], context):
+            with report.guarded("plan()", f"in an episode of {STEPS} control steps"):
+                _check_episode(report, source, scene, context)
+    report.finish()
+
+
+def _build(
+    source: Source, report: Report, team: str | Team | None, task: str | Task | None, preset: str
+) -> tuple[PlannerContext | None, MetaPlanner | None]:
+    missing = ""
+    for context in _contexts(source.distribution, team, task, preset):
+        try:
+            made = build(source, report, (context,), MetaPlanner, SIGNATURE)
+            context.team.skills()
+            return context, made
+        except CheckpointError as error:
+            missing = missing or str(error)
+    report.add(WEIGHTS, "the factory", f"finds no weights: {missing}")
+    return None, None
+
+
+def _contexts(
+    distribution: str, team: str | Team | None, task: str | Task | None, preset: str
+) -> Iterator[PlannerContext]:
+    teams = find_teams(distribution)
+    if team is not None:
+        teams = iter([parse_team(team) if isinstance(team, str) else team])
+    for known in teams:
+        objective = task if isinstance(task, Task) else hub().tasks.create(task or TASK, known.robots)
+        bounds = make_scene(known, episodes=1).world.bounds
+        yield PlannerContext(team=known, agent=0, task=objective, preset=preset, bounds=bounds)
+
+
+def _check_attributes(report: Report, planner: MetaPlanner) -> None:
+    every: Any = planner.plan_every
+    fine = isinstance(every, int) and not isinstance(every, bool) and every >= 1
+    report.require(fine, PLAN_EVERY, "plan_every", f"is {every!r}.")
+    for name in ("centralised", "guided"):
+        value = getattr(planner, name)
+        report.require(isinstance(value, bool), CENTRALISED, name, f"is {value!r}, neither True nor False.")
+
+
+def _rng() -> torch.Generator:
+    return torch.Generator().manual_seed(11)
+
+
+@torch.no_grad()
+def _check_plans(report: Report, planner: MetaPlanner, seen: Observation, context: PlannerContext) -> bool:
+    other = seen.episodes(slice(0, 2))
+    answer: Any = check_pure(
+        report,
+        "plan()",
+        lambda: planner.plan(seen, None, _rng()),
+        seen,
+        lambda: planner.plan(other, None, _rng()),
+    )
+    if answer is None or not _check_answer(report, "plan()", answer, context):
+        return False
+    goal, belief = answer
+    with report.guarded("plan()", "with the belief that it returned"):
+        again: Any = check_pure(
+            report, "plan() with a belief", lambda: planner.plan(seen, belief, _rng()), seen, lent=belief
+        )
+        if again is None or not _check_answer(report, "plan() with a belief", again, context):
+            return False
+    if not _draws(planner, seen):
+        check_rows(
+            report, "plan()", goal,
+            lambda row: planner.plan(seen.episodes(slice(row, row + 1)), None, _rng())[0],
+            (0, EPISODES - 1), ROUNDED,
+        )  # fmt: skip
+    with report.guarded("follow()"):
+        _check_answer(report, "follow()", planner.follow(seen, goal, belief), context)
+    return True
+
+
+def _draws(planner: MetaPlanner, seen: Observation) -> bool:
+    """Return whether a planner draws from its generator; episodes then differ by their place in a batch."""
+    rng = _rng()
+    before = rng.get_state()
+    with restored_generators():
+        planner.plan(seen, None, rng)
+    return not torch.equal(before, rng.get_state())
+
+
+def _check_answer(report: Report, of: str, answer: Any, context: PlannerContext) -> bool:
+    if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Belief):
+        shown = (
+            tuple(type(part).__name__ for part in answer)
+            if isinstance(answer, tuple)
+            else type(answer).__name__
+        )
+        report.add(BELIEF, of, f"returned {shown}, not (goal, Belief).")
+        return False
+    goal, belief = answer
+    fine = check_tensor(report, of, goal, (EPISODES, 2), MEANING)
+    for name in ("goal", "mean", "std"):
+        value: Tensor = getattr(belief, name)
+        if (
+            not isinstance(value, Tensor)
+            or value.shape != (EPISODES, 2)
+            or not bool(torch.isfinite(value).all())
+        ):
+            shape = tuple(value.shape) if isinstance(value, Tensor) else type(value).__name__
+            report.add(
+                BELIEF, of, f"has a belief whose {name} is {shape} or not finite, not {(EPISODES, 2)}."
+            )
+            fine = False
+    if not fine:
+        return False
+    report.require(
+        bool((belief.std >= 0).all()),
+        BELIEF,
+        of,
+        f"has a belief with a negative std, {float(belief.std.min()):.3g}.",
+    )
+    low, high = torch.tensor(context.bounds[:2]), torch.tensor(context.bounds[2:])
+    out = (goal < low) | (goal > high)
+    if bool(out.any()):
+        worst = goal[out.any(-1)][0].tolist()
+        report.add(
+            OUTSIDE, of, f"sends the robot to {[round(v, 2) for v in worst]}; bounds are {context.bounds}."
+        )
+    return True
+
+
+def _check_episode(report: Report, source: Source, scene: Scene, context: PlannerContext) -> None:
+    """Run an episode twice, with agents built anew and the same seed."""
+    if source.factory is None:
+        return
+    planners = [_made_for(source, context, index) for index in range(len(context.team))]
+    if any(one is other for i, one in enumerate(planners) for other in planners[:i]):
+        report.add(KIND, "the factory", "returned one object for two robots.")
+    first, second = (_episode(source, scene, context) for _ in range(2))
+    apart = (
+        float((first.poses - second.poses).abs().max()) if first.poses.shape == second.poses.shape else 1e9
+    )
+    report.require(
+        apart <= 1e-4, NOT_REPEATABLE, "an episode",
+        f"with the same seed and new agents ends elsewhere the second time, by up to {apart:.3g} m.",
+    )  # fmt: skip
+
+
+def _made_for(source: Source, context: PlannerContext, agent: int) -> MetaPlanner:
+    assert source.factory is not None  # objects have no episode
+    return source.factory(
+        PlannerContext(
+            team=context.team, agent=agent, task=context.task, preset=context.preset, bounds=context.bounds
+        )
+    )
+
+
+def _episode(source: Source, scene: Scene, context: PlannerContext) -> Episodes:
+    team = context.team
+    agents: list[Agent] = []
+    for index, skill in enumerate(team.skills()):
+        planner = _made_for(source, context, index)
+        agents.append(make_agent(index, skill, planner, context.task, team.robots, 0))
+    with BatchSimulator(team.robots, threads=1) as simulator:
+        return run_episodes(simulator, [scene.world] * 2, scene.starts[:2], agents, context.task, steps=STEPS)

@@ -1,0 +1,145 @@
+"""Where checks take place: a small room, a few episodes, and what its robots observe there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.errors import HppError
+from hpp_framework.registry import Entry, hub
+from hpp_framework.robot import RobotSpec
+from hpp_framework.seeding import torch_rng
+from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.team import Member, Team, parse_team
+from hpp_framework.types import Observation
+from hpp_framework.worlds.world import Box, Cylinder, World
+
+EPISODES = 4
+WARM_UP = 6
+"""Control steps driven before anybody is asked anything: histories are full then, and robots move."""
+TEAM = "fetch,freight"
+"""The team of commands, taken where a plugin brings no robots that fit."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a team observes in a few episodes.
+
+    Attributes:
+        team: everybody.
+        world: of every episode.
+        starts: of every episode.
+        observations: of every robot, a moment later.
+    """
+
+    team: Team
+    world: World
+    starts: Float[Tensor, "b n 3"]
+    observations: tuple[Observation, ...]
+
+
+def room(robots: Sequence[RobotSpec]) -> World:
+    """Return a walled room with a box and a pillar near its corners, wide enough for the robots."""
+    half = 6.0 + 4 * max(robot.footprint_radius for robot in robots)
+    far = half - 2.0
+    return World(
+        name="check",
+        bounds=(-half, -half, half, half),
+        boxes=(Box(center=(far, far), size=(1.0, 0.6), yaw=0.4),),
+        cylinders=(Cylinder(center=(-far, -far), radius=0.3),),
+    )
+
+
+def make_scene(team: Team, *, episodes: int = EPISODES, seed: int = 0) -> Scene:
+    """Let a team drive for a moment, every robot differently, and return what it observes.
+
+    Args:
+        team: everybody.
+        episodes: how many, each with other starts.
+        seed: of starts and commands.
+    """
+    robots, count = team.robots, len(team)
+    rng = torch_rng(seed, "checks")
+    wide = max(robot.footprint_radius for robot in robots)
+    ring = max(2.0, 2.5 * wide / math.sin(math.pi / max(count, 2)))
+    around = 2 * math.pi * (torch.arange(count) / count + torch.rand(episodes, 1, generator=rng))
+    headings = 2 * math.pi * torch.rand(episodes, count, generator=rng) - math.pi
+    starts = torch.stack([ring * around.cos(), ring * around.sin(), headings], -1)
+    top = torch.tensor([[robot.drive.speed[1], robot.drive.turn_rate] for robot in robots])
+    commands = top * (torch.rand(episodes, count, 2, generator=rng) - torch.tensor([0.0, 0.5]))
+    world = room(robots)
+    sensing = Sensing(robots, NoiseModel(), rng)
+    with BatchSimulator(robots, threads=1) as simulator:
+        sensing.reset(simulator.reset([world] * episodes, starts))
+        for _ in range(WARM_UP):
+            sensing.update(simulator.step(commands))
+    return Scene(team, world, starts, tuple(sensing.observe(index) for index in range(count)))
+
+
+def find_robots(distribution: str) -> Iterator[RobotSpec]:
+    """Yield robots to check other plugins with: a distribution's own first, then those of commands."""
+    own = [entry for entry in hub().robots if distribution and entry.distribution == distribution]
+    usual = [hub().robots.entry(name) for name in TEAM.split(",") if name in hub().robots]
+    yield from _built([*own, *(entry for entry in (*usual, *hub().robots) if entry not in own)])
+
+
+def find_teams(distribution: str) -> Iterator[Team]:
+    """Yield teams of two to check other plugins with: a distribution's own first, then those of commands.
+
+    Args:
+        distribution: whose robots and skills are preferred.
+    """
+    own_robots = list(_built(e for e in hub().robots if distribution and e.distribution == distribution))
+    own_skills = [e.name for e in hub().skills if distribution and e.distribution == distribution]
+    seen: set[Team] = set()
+    for robots in [*([robot] * 2 for robot in own_robots), *([one, two] for one, two in _pairs(own_robots))]:
+        for skill in [*own_skills, *_usual_skill()]:
+            yield from _once(_team(robots, skill), seen)
+    for text in (TEAM, *(f"a={name},b={name}" for name in TEAM.split(","))):
+        for skill in [*own_skills, *_usual_skill()]:
+            try:
+                yield from _once(parse_team(text, skill=skill), seen)
+            except HppError:
+                continue
+
+
+def _usual_skill() -> list[str]:
+    return ["p2p"] if "p2p" in hub().skills else []
+
+
+def _pairs(robots: Sequence[RobotSpec]) -> list[tuple[RobotSpec, RobotSpec]]:
+    return [(one, two) for one in robots for two in robots if one is not two]
+
+
+def _team(robots: Sequence[RobotSpec], skill: str) -> Team:
+    return Team(tuple(Member(id=f"robot-{i}", robot=robot, skill=skill) for i, robot in enumerate(robots)))
+
+
+def _once(team: Team, seen: set[Team]) -> Iterator[Team]:
+    if team not in seen:
+        seen.add(team)
+        yield team
+
+
+def _built(entries: Iterator[Entry[RobotSpec]] | Sequence[Entry[RobotSpec]]) -> Iterator[RobotSpec]:
+    for entry in entries:
+        try:
+            robot = entry.factory()()
+        except Exception:
+            # its own check says so
+            continue
+        if isinstance(robot, RobotSpec):
+            yield robot
+
+
+def first(robots: Iterator[RobotSpec], count: int = 1) -> list[RobotSpec]:
+    """Return some robots, the last one repeated if there are too few."""
+    found = list(islice(robots, count))
+    return found + found[-1:] * (count - len(found))
