@@ -17,6 +17,7 @@ from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.inspect import Inspect
 from hpp_framework.cli.list import List
 from hpp_framework.cli.new import New
+from hpp_framework.cli.onboard import Onboard
 from hpp_framework.cli.reproduce import Reproduce
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.search import Search
@@ -31,6 +32,7 @@ Command = (
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[New, tyro.conf.subcommand("new")]
+    | Annotated[Onboard, tyro.conf.subcommand("onboard")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Collect, tyro.conf.subcommand("collect")]
     | Annotated[Train, tyro.conf.subcommand("train")]
@@ -68,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _after_interruption(command: object) -> str:
-    if isinstance(command, Evaluate | Collect | Reproduce | Train | Search):
+    if isinstance(command, Evaluate | Collect | Onboard | Reproduce | Train | Search):
         return "What was finished is kept; the same command resumes."
     if isinstance(command, Bench):
         return f"What was finished is in '{command.out}'; the same command starts over."

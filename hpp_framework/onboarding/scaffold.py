@@ -16,8 +16,10 @@ from hpp_framework.onboarding.names import Name
 TEMPLATES = Path(__file__).parents[1] / "templates"
 COMMON = "common"
 PACKAGE = "my-pkg"
+SAMPLES = {"task": "meet-at-door", "skill": "sample-skill", "robot": "sample-rover"}
+"""What the template of each kind brings: two words or more, so that all spellings differ."""
 THINGS = {"task": "meet-at-door", "skill": "cautious", "robot": "rover"}
-"""What the template of each kind brings."""
+"""What the thing is called if it is not named."""
 
 
 def write_package(
@@ -39,7 +41,7 @@ def write_package(
     """
     if folder.exists():
         raise ConfigError(f"'{folder}' is there already; nothing was written. Choose another name or --out.")
-    spelt = _spelling(Name(PACKAGE, THINGS[kind]), name)
+    spelt = _spelling(Name(PACKAGE, SAMPLES[kind]), name)
     contents = {
         spelt(file.relative_to(root).as_posix()): spelt(file.read_text(encoding="utf-8"))
         for root in (TEMPLATES / COMMON, TEMPLATES / kind)

@@ -12,10 +12,13 @@ import tomllib
 import pytest
 
 from hpp_framework.cli.main import main
-from hpp_framework.onboarding.scaffold import THINGS
+from hpp_framework.onboarding.names import Name
+from hpp_framework.onboarding.scaffold import PACKAGE, SAMPLES
 
-NAMED = {"task": "Lab_A/by-the-window", "skill": "lab-b/creeper", "robot": "lab-c/hexabot"}
+NAMED = {"task": "Lab_A/by-the-window", "skill": "lab-b/slow-and-sure", "robot": "lab-c/hexa-bot"}
 """Other names than the templates'."""
+SPELLINGS = ("package", "package_module", "thing", "thing_module", "class_name")
+WORDS = {getattr(Name(PACKAGE, thing), spelling) for thing in SAMPLES.values() for spelling in SPELLINGS}
 SHOW = """
 import json
 from hpp_framework.registry import hub
@@ -55,8 +58,7 @@ def test_nothing_of_the_templates_names_is_left(written):
     assert len(files) == 6 * len(NAMED)
     for file in files:
         text = file.read_text() + str(file.relative_to(written))
-        for word in ("my-pkg", "my_pkg", *THINGS.values(), "MeetAtDoor", "meet_at_door", "Cautious"):
-            assert word not in text, f"{file} still says {word}"
+        assert not [word for word in WORDS if word in text], file
         if file.suffix == ".py":
             ast.parse(file.read_text())
     project = tomllib.loads((written / "lab-a" / "pyproject.toml").read_text())["project"]
@@ -69,8 +71,8 @@ def test_every_package_registers_what_it_brings(site):
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["tasks"]["by-the-window"] == "lab-a 0.1.0"
-    assert found["skills"]["creeper"] == "lab-b 0.1.0"
-    assert found["robots"]["hexabot"] == "lab-c 0.1.0"
+    assert found["skills"]["slow-and-sure"] == "lab-b 0.1.0"
+    assert found["robots"]["hexa-bot"] == "lab-c 0.1.0"
     assert found["qualified"]
 
 

@@ -9,7 +9,11 @@ from hpp_framework.registry import Hub
 
 def register(hub: Hub) -> None:
     """Add everything of this package."""
-    hub.robots.add("rover", "my_pkg.rover:rover", summary="a small base with two wheels and a lidar on top")
+    hub.robots.add(
+        "sample-rover",
+        "my_pkg.sample_rover:sample_rover",
+        summary="a base with two driven wheels and a lidar",
+    )
     hub.checkpoints.add("my_pkg", weights, summary="what teams have learnt of this package's robot")
 
 

@@ -10,8 +10,8 @@ from hpp_framework.registry import Hub
 def register(hub: Hub) -> None:
     """Add everything of this package."""
     hub.skills.add(
-        "cautious",
-        "my_pkg.cautious:cautious",
+        "sample-skill",
+        "my_pkg.sample_skill:sample_skill",
         summary="to the free direction nearest to the goal's, slowly where it is narrow",
     )
     hub.checkpoints.add("my_pkg", weights, summary="what teams have learnt of this package's skill")

@@ -7,6 +7,7 @@ import torch
 from my_pkg.meet_at_door import DOOR
 
 from hpp_framework.registry import hub
+from hpp_framework.testing import check_task
 
 
 @pytest.fixture
@@ -18,6 +19,10 @@ def task():
 def team_at(*places):
     """Return the poses of a team in one episode, all facing along x."""
     return torch.tensor([[[x, y, 0.0] for x, y in places]])
+
+
+def test_it_is_a_sound_task():
+    check_task("my-pkg/meet-at-door")
 
 
 def test_nearer_to_the_door_is_better_until_everybody_is_there(task):

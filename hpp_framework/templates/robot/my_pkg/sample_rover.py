@@ -34,10 +34,10 @@ LIDAR = Lidar(
 )
 
 
-def rover() -> RobotSpec:
+def sample_rover() -> RobotSpec:
     """Return the robot."""
     return RobotSpec(
-        name="rover",
+        name="sample-rover",
         drive=DRIVE,
         lidar=LIDAR,
         footprint_radius=BASE_RADIUS,

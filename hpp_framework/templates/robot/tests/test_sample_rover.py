@@ -8,22 +8,24 @@ import torch
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.team import parse_team
+from hpp_framework.testing import check_robot
 from hpp_framework.worlds.world import World
 
 
 def test_it_drives_as_fast_as_its_limits_allow():
-    team = parse_team("my-pkg/rover,fetch")
-    rover = team.robots[0]
-    steps = round(2 * rover.drive.speed[1] / rover.drive.acceleration / CONTROL_PERIOD)
+    team = parse_team("my-pkg/sample-rover,fetch")
+    robot = team.robots[0]
+    steps = round(2 * robot.drive.speed[1] / robot.drive.acceleration / CONTROL_PERIOD)
     with BatchSimulator(team.robots) as simulator:
         world = World(name="open", bounds=(-20, -20, 20, 20), walled=False)
         simulator.reset([world], torch.tensor([[[0.0, 0.0, 0.0], [0.0, 5.0, 0.0]]]))
         for _ in range(steps):
             state = simulator.step(torch.tensor([[[99.0, 0.0], [0.0, 0.0]]]))
-    assert state.velocities[0, 0, 0].item() == pytest.approx(rover.drive.speed[1], rel=1e-3)
+    assert state.velocities[0, 0, 0].item() == pytest.approx(robot.drive.speed[1], rel=1e-3)
     assert not state.collided.any()
 
 
-def test_every_number_has_a_source():
-    (rover,) = parse_team("my-pkg/rover").robots
-    assert rover.sources
+def test_its_numbers_can_be_true():
+    check_robot("my-pkg/sample-rover")
+    (robot,) = parse_team("my-pkg/sample-rover").robots
+    assert robot.sources

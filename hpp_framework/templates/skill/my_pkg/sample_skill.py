@@ -25,7 +25,7 @@ ASKEW = 0.7
 """Angle to its direction, in radians, from which on the robot turns in place."""
 
 
-class Cautious(Skill):
+class SampleSkill(Skill):
     """Looks a little ahead and remembers nothing.
 
     Args:
@@ -77,6 +77,6 @@ class Cautious(Skill):
         return free.gather(1, nearest[:, None])[:, 0]
 
 
-def cautious(robot: RobotSpec) -> Cautious:
+def sample_skill(robot: RobotSpec) -> SampleSkill:
     """Build the skill for a robot."""
-    return Cautious(robot)
+    return SampleSkill(robot)

@@ -1,0 +1,75 @@
+"""``hpp onboard``: everything that teams must learn of a new robot or a new skill."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from hpp_framework.cli.options import check_folder, check_positive, names
+from hpp_framework.cli.progress import cell_bars
+
+
+@dataclass(frozen=True, kw_only=True)
+class Onboard:
+    """Check a robot or a skill, train what it lacks and what teams must know of it, and judge all of it.
+
+    A robot gets weights of its skill; then it drives with every teammate and with another of its kind, and
+    motion models of all these are trained. For a new skill, all robots that are named drive with it. An
+    interrupted onboarding resumes.
+    """
+
+    name: Annotated[str, tyro.conf.Positional]
+    """Registered robot or skill, e.g. my-pkg/rover."""
+    teammates: Annotated[str, tyro.conf.arg(name="with")] = "fetch,freight"
+    """Registered robots, separated by commas: teammates of a robot, or those that a skill shall drive."""
+    skill: str = "p2p"
+    """Registered skill of every robot, if the newcomer is a robot."""
+    predictor: str = "far-sighted"
+    """Registered predictor to train; far-sighted is what planner hpp uses."""
+    scale: str = "standard"
+    """standard, or smoke: every stage within minutes, to see that all works; it teaches next to nothing."""
+    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
+    """Numbers of the scale, e.g. skill_steps=3000000 trajectories=20000 predictor_steps=20000."""
+    init: str = "auto"
+    """Robot whose weights a skill training starts from; auto: one with as many beams; none: from nothing."""
+    seed: int = 0
+    """Seed of everything."""
+    workers: int | None = None
+    """Processes that collect and train, one thread each (default: as many as there are cores)."""
+    out: Path | None = None
+    """Folder to write to (default: runs/NAME)."""
+
+    def run(self) -> None:
+        """Show the plan, do it, and say what to do with what came out."""
+        from hpp_framework.onboarding.config import make_onboarding
+        from hpp_framework.onboarding.run import onboard
+        from hpp_framework.onboarding.scale import find_scale
+        from hpp_framework.onboarding.stages import WEIGHTS
+        from hpp_framework.settings import altered, parse_settings
+        from hpp_framework.workers import available_cores
+
+        workers = available_cores() if self.workers is None else self.workers
+        check_positive(workers=workers)
+        scale = altered(find_scale(self.scale), parse_settings(self.set, "--set"), f"scale '{self.scale}'")
+        others: dict[str, Any] = {"predictor": self.predictor, "seed": self.seed, "init": self.init}
+        teammates = names(self.teammates, "--with") if self.teammates else ()
+        onboarding = make_onboarding(self.name, teammates, self.skill, scale, **others)
+        out = self.out or Path("runs") / self.name.replace("/", ".")
+        check_folder(out)
+        card = onboard(onboarding, out, workers=workers, bars=cell_bars, say=print)
+        print(f"\n{card.read_text(encoding='utf-8')}")
+        print(f"card:    {card}\nweights: {out / WEIGHTS}")
+        print(_what_next(out / WEIGHTS))
+
+
+def _what_next(weights: Path) -> str:
+    return (
+        "To use them, copy them into a folder that your package registers (hub.checkpoints; packages of "
+        "'hpp new' have it):\n"
+        f"  cp -r {weights}/. MY_PKG/weights/\n"
+        f"or name them for a while:\n"
+        f"  export HPP_WEIGHTS={weights.absolute()}"
+    )
