@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
+import sysconfig
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -20,16 +23,41 @@ PACKAGES = {
 DATA = {".yaml", ".safetensors", ".json", ".toml", ".md", ".vert", ".frag", ".glsl", ".typed"}
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> zipfile.ZipFile:
-    """Return the wheel that hatchling builds from this checkout, without isolation and without a network."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = "import sys, hatchling.build as b; print(b.build_wheel(sys.argv[1]))"
+def build(kind: str, checkout: Path, folder: Path) -> Path:
+    """Return the ``wheel`` or ``sdist`` that hatchling builds, without isolation and without a network."""
+    code = f"import sys, hatchling.build as b; print(b.build_{kind}(sys.argv[1]))"
     done = subprocess.run(
-        [sys.executable, "-c", build, str(folder)], cwd=ROOT, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", code, str(folder)], cwd=checkout, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    return zipfile.ZipFile(folder / done.stdout.split()[-1])
+    return folder / done.stdout.split()[-1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> zipfile.ZipFile:
+    return zipfile.ZipFile(build("wheel", ROOT, tmp_path_factory.mktemp("wheel")))
+
+
+@pytest.fixture(scope="module")
+def clean(wheel, tmp_path_factory) -> Path:
+    """Return an environment that has the wheel and what it needs, but not this checkout."""
+    home = tmp_path_factory.mktemp("clean")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", home], check=True)
+    python = home / "bin" / "python"
+    install = [sys.executable, "-m", "pip", "--python", python, "install", "-qq", "--no-deps", "--no-index"]
+    subprocess.run([*install, wheel.filename], check=True)
+    site = next(home.glob("lib/python*/site-packages"))
+    # a folder named in a .pth joins the path, but its own .pth files, the checkout's among them, are not read
+    (site / "needed.pth").write_text(sysconfig.get_path("purelib"))
+    return home
+
+
+def hpp(clean: Path, *words: str) -> str:
+    done = subprocess.run(
+        [clean / "bin" / "hpp", *words], cwd=clean, capture_output=True, text=True, timeout=800
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def test_the_wheel_ships_the_four_packages_and_nothing_else(wheel):
@@ -62,6 +90,45 @@ def test_the_wheel_names_command_and_plugins(wheel):
     text = wheel.read(info).decode()
     assert re.search(r"\[console_scripts\]\nhpp = ", text)
     assert re.search(r"\[hpp_framework.plugins\]\nhpp_framework = .*\nhpp_robots = .*\nhpp_skills = ", text)
+
+
+def test_the_sdist_is_enough_to_build_the_same_wheel(wheel, tmp_path):
+    with tarfile.open(build("sdist", ROOT, tmp_path)) as archive:
+        archive.extractall(tmp_path, filter="data")
+    (unpacked,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    assert {path.name for path in unpacked.iterdir()} >= {"README.md", "LICENSE", "docs", "tests"}
+    again = zipfile.ZipFile(build("wheel", unpacked, tmp_path))
+    assert {each.filename: each.CRC for each in again.infolist()} == {
+        each.filename: each.CRC for each in wheel.infolist()
+    }
+
+
+def test_the_wheel_works_without_the_checkout(clean):
+    code = "import hpp_framework, sys; print(hpp_framework.__file__, sys.path)"
+    done = subprocess.run(
+        [clean / "bin" / "python", "-c", code], cwd=clean, capture_output=True, text=True, timeout=120
+    )
+    assert str(clean) in done.stdout.split()[0]
+    assert f"'{ROOT}'" not in done.stdout
+    listed = hpp(clean, "list")
+    assert all(name in listed for name in ("fetch", "p2p", "rendezvous", "navigation", "far-sighted"))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_wheel_films_an_episode_with_its_own_weights(clean):
+    said = hpp(clean, "run", "--world", "simple", "--backend", "batch", "--out", "film")
+    assert "film" in said
+    assert (clean / "film" / "episode.mp4").stat().st_size > 1000
+    assert json.loads((clean / "film" / "config.json").read_text())["planners"] == ["hpp"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_doctor_is_content_with_the_wheel(clean):
+    said = hpp(clean, "doctor")
+    for fine in ("batch simulator: works", "plugins: ", "shipped weights: "):
+        assert f"ok  {fine}" in said
 
 
 def test_the_version_is_said_once(wheel):
