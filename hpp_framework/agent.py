@@ -121,7 +121,8 @@ class Agent:
         rest: decides when to stop; None never rests.
         rng: the agent's own randomness.
         guard: keeps the robot off obstacles; None drives as the skill wants.
-        guide: turns the robot round at a plan where its way leads back; None leaves all ways to the skill.
+        guide: turns the robot round at a plan where its way leads back, and keeps it from slowing down before
+            a place to meet; None leaves all ways to the skill.
 
     Attributes:
         present: whether the robot takes part now.
@@ -183,6 +184,8 @@ class Agent:
         self.waypoint, self.belief = self.planner.plan(observation, self.belief, self.rng)
         self.goal = self.belief.goal
         if self.guide is not None:
-            self.waypoint = self.guide(observation, self.waypoint)
+            # who never rests, or has a place of its own, must halt where it is sent
+            halt = (self.waypoint != self.goal).any(-1) | (self.rest is None)
+            self.waypoint = self.guide(observation, self.waypoint, halt)
         self._countdown = self.planner.plan_every
         return self.belief

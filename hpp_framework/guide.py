@@ -1,13 +1,16 @@
-"""The guide: turns a robot round where the way to its goal begins behind it.
+"""The guide: turns a robot round where the way to its goal begins behind it, and keeps it from slowing down.
 
 A reactive skill decides by what it sees now. Beside an island it goes on in the direction in which it drives,
 even where turning back is much shorter, and circles; its agent and everybody else expect it to come back.
+
+A skill also slows down before its goal. Where the others come the same way, that costs time: agents rest as
+soon as braking fulfils the task, wherever the goal is (:class:`~hpp_framework.agent.Rest`).
 """
 
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework import geometry
@@ -21,28 +24,39 @@ BEGINNING = 0.75
 """Metres of a way that tell where it begins."""
 BACK = 1.5
 """Metres along such a way that the skill is sent first: what is near and behind, skills turn round to."""
+BEYOND = 1.0
+"""Metres beyond a place to meet that the skill is sent: about the distance over which skills slow down."""
+ARRIVED = 0.6
+"""Metres from a place to meet at which a robot is sent no farther: it waits there."""
 
 
 class Guide:
-    """Hands a skill its goal, or a way-point a little way back if the shortest way to the goal leads back.
+    """Hands a skill what to drive to: a way-point a little way back if the shortest way to its goal leads back.
+
+    Else it is the goal, or a point straight on beyond it where the robot need not halt.
 
     The way is found on the agent's chart (:mod:`hpp_framework.prediction.chart`), as motion models of kind
     ``far-sighted`` find it, so that robots go the way that their models expect.
 
     Args:
         robot: whose lidar and footprint count.
+        beyond: metres beyond a goal at which the robot need not halt.
     """
 
-    def __init__(self, robot: RobotSpec) -> None:
+    def __init__(self, robot: RobotSpec, beyond: float = BEYOND) -> None:
+        self.beyond = beyond
         self.lidar = robot.lidar
         self.radius = torch.tensor([robot.footprint_radius])
 
-    def __call__(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
+    def __call__(
+        self, observation: Observation, goal: Float[Tensor, "b 2"], halt: Bool[Tensor, "b"] | None = None
+    ) -> Float[Tensor, "b 2"]:
         """Return what the skill is to drive to.
 
         Args:
             observation: what the agent knows.
             goal: world coordinates, metres.
+            halt: where the robot is to halt at the goal; None: everywhere.
         """
         here = observation.pose[:, None, :2]
         chart = draw_chart(
@@ -52,4 +66,10 @@ class Guide:
         ways = charted_ways(chart, goal[:, None], torch.tensor([BEGINNING, BACK]))
         first, back = ways.points[:, 0, 0].unbind(1)
         behind = geometry.polar(observation.pose, first)[..., 1].abs() > BEHIND
-        return torch.where(behind[:, None], back, goal)
+        ahead = goal if halt is None else torch.where(halt[:, None], goal, self._beyond(observation, goal))
+        return torch.where(behind[:, None], back, ahead)
+
+    def _beyond(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
+        towards = goal - observation.pose[:, :2]
+        distance = towards.norm(dim=-1, keepdim=True)
+        return goal + (self.beyond * towards / distance).where(distance > ARRIVED, 0.0)

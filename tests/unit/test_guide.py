@@ -9,7 +9,7 @@ import torch
 
 from hpp_framework.agent import make_agent
 from hpp_framework.evaluation.planners import parse_planner
-from hpp_framework.guide import BACK, Guide
+from hpp_framework.guide import BACK, BEYOND, Guide
 from hpp_framework.planner import MetaPlanner, certain
 from hpp_framework.registry import hub
 from hpp_framework.skill import Skill
@@ -31,6 +31,21 @@ def before_a_wall(robot, heading):
 def test_a_goal_ahead_is_left_to_the_skill(fetch):
     for goal in (torch.tensor([[1.0, -1.0]]), torch.tensor([[3.5, 3.0]])):
         torch.testing.assert_close(Guide(fetch)(before_a_wall(fetch, 0.0), goal), goal)
+
+
+def test_skills_are_sent_beyond_a_place_to_meet_until_they_are_there(fetch):
+    goals = torch.tensor([[3.0, -4.0], [0.3, -0.4], [3.0, -4.0], [-5.0, 0.0]])
+    sent_to = torch.tensor([[3.6, -4.8], [0.3, -0.4], [3.0, -4.0]])
+    one = before_a_wall(fetch, 0.0)
+    seen = Observation(
+        0, one.poses.expand(4, -1, -1, -1), one.scans.expand(4, -1, -1), one.velocity.expand(4, 2)
+    )
+    waypoints = Guide(fetch, beyond=1.0)(seen, goals, torch.tensor([False, False, True, False]))
+    torch.testing.assert_close(waypoints[:3], sent_to)
+    assert waypoints[3].norm() == pytest.approx(BACK, abs=0.2), "a way back is no goal to run through"
+    torch.testing.assert_close(
+        Guide(fetch, beyond=0.0)(seen, goals, torch.zeros(4, dtype=torch.bool))[0], goals[0]
+    )
 
 
 def test_a_robot_is_sent_back_where_the_way_begins_behind(fetch):
@@ -79,6 +94,16 @@ def test_agents_drive_to_the_way_point_and_keep_the_goal(fetch, freight):
         agent.act(seen)
         assert agent.goal.tolist() == [[-5.0, 0.0]]
         assert (skill.goal.tolist() == [[-5.0, 0.0]]) is not guide
+
+
+@pytest.mark.parametrize("halts", [True, False])
+def test_only_who_rests_may_run_through_a_goal(fetch, freight, halts):
+    task = hub().tasks.create("rendezvous", [fetch, freight])
+    task.halts = halts
+    agent = make_agent(0, hub().skills.create("p2p", fetch), _Fixed(), task, [fetch, freight], 0, guide=True)
+    agent.plan(before_a_wall(fetch, math.pi))
+    expected = [[-5.0 - BEYOND, 0.0]] if halts else [[-5.0, 0.0]]
+    torch.testing.assert_close(agent.waypoint, torch.tensor(expected), atol=1e-4, rtol=0)
 
 
 def test_planners_say_whether_agents_have_a_guide(fetch, freight):
