@@ -49,6 +49,9 @@ def register(hub: Hub) -> None:
     hub.planners.add(
         "hpp", f"{planning}.hpp:hpp", summary="hierarchical predictive planning (presets: paper, best)"
     )
+    hub.planners.add(
+        "hpp-options", f"{planning}.options:options", summary="hpp that chooses a skill as well as a goal"
+    )
     hub.planners.add("centralized-mp", f"{planning}.heuristics:midpoint", summary="everybody to the midpoint")
     hub.planners.add("centralized-oa", f"{planning}.heuristics:other", summary="everybody to another agent")
     hub.planners.add(

@@ -230,3 +230,22 @@ def glimpses(
 def lidar_poses(lidar: Lidar, poses: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
     """Return where the lidar is for poses of its robot, world frame."""
     return geometry.compose(poses, poses.new_tensor(lidar.mount).expand_as(poses))
+
+
+def seen_points(observation: Observation, lidar: Lidar) -> tuple[Float[Tensor, "b q 2"], Bool[Tensor, "b q"]]:
+    """Return the ends of all beams, world frame in metres, and which of them lie on things that stand still.
+
+    Args:
+        observation: of a robot; its keyframes count too.
+        lidar: of the robot.
+    """
+    seen_from = glimpses(observation.team_poses, observation.scan, observation.keyframes)
+    poses, scans = seen_from.poses, seen_from.scans
+    eyes = lidar_poses(lidar, poses[:, :, observation.agent])
+    bearing = eyes[..., 2:] + torch.from_numpy(lidar.angles()).to(eyes)
+    ends = eyes[:, :, None, :2] + scans[..., None] * torch.stack([bearing.cos(), bearing.sin()], -1)
+    hit = scans < lidar.max_range - 0.01
+    for robot in range(poses.shape[2]):
+        if robot != observation.agent:
+            hit &= (ends - poses[:, :, robot, None, :2]).norm(dim=-1) >= BODY
+    return ends.flatten(1, 2), hit.flatten(1, 2)

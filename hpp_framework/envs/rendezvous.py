@@ -33,9 +33,11 @@ from hpp_framework.envs.spaces import (
     unit_space,
 )
 from hpp_framework.errors import ConfigError, SimulatorError
+from hpp_framework.option import BUDGET, MakeOption, Option, make_option
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
 from hpp_framework.registry import hub
 from hpp_framework.sim import CONTROL_PERIOD
+from hpp_framework.skill import Skill
 from hpp_framework.team import Team
 from hpp_framework.types import Observation
 from hpp_framework.worlds.world import World
@@ -44,13 +46,21 @@ PlannerFactory = Callable[[PlannerContext], MetaPlanner]
 
 PLAN_EVERY = 10
 
+_MEANINGS = {
+    2: "[x, y] of the goal, in -1..1",
+    3: "[x, y] of the goal and the choice of the option, in -1..1",
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class HierarchyConfig:
     """How goals are given and who the teammates are.
 
     Attributes:
-        plan_every: control steps a goal lasts, at most; one environment step.
+        plan_every: control steps a goal lasts, at most; one environment step, unless there are options.
+        options: that the learner chooses among, registered skills or functions that build one for its robot;
+            an environment step then lasts until the option is over. None: its own skill, for ``plan_every``.
+        budget: control steps an option made of a registered skill may take.
         reach: metres from the team's midpoint that an action of 1 stands for, each axis.
         preset: of the teammates' planners.
         weights: extra folders searched for the teammates' predictor weights.
@@ -58,14 +68,17 @@ class HierarchyConfig:
     """
 
     plan_every: int = PLAN_EVERY
+    options: tuple[str | MakeOption, ...] = ()
+    budget: int = BUDGET
     reach: float = 5.0
     preset: str = "best"
     weights: tuple[Path, ...] = ()
     episode: EpisodeConfig = EpisodeConfig()
 
     def __post_init__(self) -> None:
-        if self.plan_every < 1:
-            raise ConfigError(f"plan_every must be at least 1, got {self.plan_every}.")
+        for name in ("plan_every", "budget"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} must be at least 1, got {getattr(self, name)}.")
         if not 0 < self.reach < float("inf"):
             raise ConfigError(f"reach must be a positive number of metres, got {self.reach}.")
 
@@ -110,7 +123,8 @@ class RendezvousEnv(gym.Env[Any, Any]):
         self.observation_space = spaces.Dict(
             {"scan": scan_space(robot), "poses": poses_space(count), "velocity": command_space(robot)}
         )
-        self.action_space = unit_space()
+        self.options = [make_option(given, robot, self.config.budget) for given in self.config.options]
+        self.action_space = unit_space(3 if len(self.options) > 1 else 2)
         self._told = _Told(self.config.plan_every)
         self._planners: tuple[tuple[float, float, float, float], list[MetaPlanner]] | None = None
         self._agents: list[Agent] = []
@@ -139,42 +153,54 @@ class RendezvousEnv(gym.Env[Any, Any]):
     def step(self, action: Any) -> tuple[dict[str, FloatArray], float, bool, bool, dict[str, Any]]:
         """Let the learner drive to a goal for ``plan_every`` control steps, or until the episode ends.
 
+        With options, the learner follows the chosen one until it is over instead; one that may not be started
+        for the goal leaves the robot standing for ``plan_every`` steps.
+
         Args:
             action: offset of the goal from the midpoint of the observed positions, in units of ``reach``,
-                along the world's axes; cut off at [-1, 1] and at the world's bounds.
+                along the world's axes; cut off at [-1, 1] and at the world's bounds. With several options a
+                third number chooses: [-1, 1] is shared out among them evenly, in their order.
 
         Returns:
             Observation, reward (of the true poses, summed over the control steps), whether the task was
             fulfilled for its ``sustain_steps``, whether time ran out, and info: ``goal`` (2,) in world
-            coordinates, control ``steps`` driven, ``met``, ``collided`` (the learner, in any of them).
+            coordinates, control ``steps`` driven, ``met``, ``collided`` (the learner, in any of them); with
+            options also the name of the ``option``, and whether it was ``started``.
 
         Raises:
-            SimulatorError: if no episode runs, or the action is not two finite numbers.
+            SimulatorError: if no episode runs, or the action is not as many finite numbers as it should be.
         """
         if not self._running:
             raise SimulatorError("no episode is running; call reset() first.")
-        offset = check_action(action, "the learner", "[x, y] of the goal, in -1..1")
-        goal = self._midpoint() + torch.from_numpy(np.clip(offset, -1, 1)) * self.config.reach
-        x_min, y_min, x_max, y_max = self.episode.world.bounds
-        self._told.goal = torch.minimum(
-            torch.maximum(goal, goal.new_tensor([x_min, y_min])), goal.new_tensor([x_max, y_max])
-        )
-        self._agents[self.learner].plan(self.episode.observe(self.learner))
-        reward, collided, before = 0.0, False, self.episode.steps
-        for _ in range(self.config.plan_every):
-            commands = [agent.act(self.episode.observe(i)) for i, agent in enumerate(self._agents)]
-            reward += self.episode.step(torch.cat(commands).detach().cpu().numpy())
-            collided |= bool(self.episode.collided[self.learner])
-            if self.episode.success or self.episode.truncated:
-                self._running = False
-                break
-        info = {
+        option = self._choose(action)
+        started = option is None or self._may_start(option)
+        learner = self._agents[self.learner]
+        if option is not None:
+            learner.skill = option.skill if started else _STAND
+        learner.plan(self.episode.observe(self.learner))
+        before = self.episode.steps
+        reward, collided = self._drive(option if started else None)
+        info: dict[str, Any] = {
             "goal": self._told.goal[0].cpu().numpy().copy(),
             "steps": self.episode.steps - before,
             "met": self.episode.met,
             "collided": collided,
         }
+        if option is not None:
+            info |= {"option": option.name, "started": started}
         return self._view(), reward, self.episode.success, self.episode.truncated, info
+
+    def _drive(self, option: Option | None) -> tuple[float, bool]:
+        """Let all act until the option is over, or for ``plan_every`` steps; return reward and contact."""
+        reward, collided, begun = 0.0, False, self.episode.steps
+        while self._running:
+            commands = [agent.act(self.episode.observe(i)) for i, agent in enumerate(self._agents)]
+            reward += self.episode.step(torch.cat(commands).detach().cpu().numpy())
+            collided |= bool(self.episode.collided[self.learner])
+            self._running = not (self.episode.success or self.episode.truncated)
+            if self._over(option, self.episode.steps - begun):
+                break
+        return reward, collided
 
     def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]  # Gymnasium leaves the frame's type open
         """Return a top-down picture (height, width, 3), or None without a render mode."""
@@ -186,6 +212,29 @@ class RendezvousEnv(gym.Env[Any, Any]):
     def close(self) -> None:
         """Free the simulator; safe to call twice."""
         self.episode.close()
+
+    def _choose(self, action: Any) -> Option | None:
+        """Set the goal that an action means and return the option, None if there are none."""
+        count = 3 if len(self.options) > 1 else 2
+        numbers = np.clip(check_action(action, "the learner", _MEANINGS[count], count), -1, 1)
+        goal = self._midpoint() + torch.from_numpy(numbers[:2]) * self.config.reach
+        x_min, y_min, x_max, y_max = self.episode.world.bounds
+        self._told.goal = torch.minimum(
+            torch.maximum(goal, goal.new_tensor([x_min, y_min])), goal.new_tensor([x_max, y_max])
+        )
+        if len(self.options) < 2:
+            return self.options[0] if self.options else None
+        index = int((numbers[2] + 1) / 2 * len(self.options))
+        return self.options[min(index, len(self.options) - 1)]
+
+    def _may_start(self, option: Option) -> bool:
+        return bool(option.may_start(self.episode.observe(self.learner), self._told.goal)[0])
+
+    def _over(self, option: Option | None, steps: int) -> bool:
+        """Return whether the environment step ends now, after a number of control steps."""
+        if option is None:
+            return steps >= self.config.plan_every
+        return bool(option.is_over(self.episode.observe(self.learner), self._told.goal, steps)[0])
 
     def _team_planners(self) -> list[MetaPlanner]:
         """Return everybody's planner; built anew only where the world's bounds have changed."""
@@ -209,6 +258,17 @@ class RendezvousEnv(gym.Env[Any, Any]):
         return to_arrays(
             {"scan": seen.scan, "poses": team_poses(seen), "velocity": seen.velocity}, self.observation_space
         )
+
+
+class _Stand(Skill):
+    """Stands still."""
+
+    def act(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
+        """Return zeros."""
+        return torch.zeros_like(observation.velocity)
+
+
+_STAND = _Stand()
 
 
 class _Told(MetaPlanner):

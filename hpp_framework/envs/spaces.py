@@ -51,9 +51,9 @@ def poses_space(count: int) -> spaces.Box:
     return spaces.Box(-high, high, dtype=np.float32)
 
 
-def unit_space() -> spaces.Box:
-    """Return [-1, 1]^2, the form of action that learning libraries expect."""
-    return _box((-1.0, -1.0), (1.0, 1.0))
+def unit_space(numbers: int = 2) -> spaces.Box:
+    """Return [-1, 1]^numbers, the form of action that learning libraries expect."""
+    return _box((-1.0,) * numbers, (1.0,) * numbers)
 
 
 def from_unit(action: npt.NDArray[Any], space: spaces.Box) -> npt.NDArray[Any]:
@@ -62,20 +62,22 @@ def from_unit(action: npt.NDArray[Any], space: spaces.Box) -> npt.NDArray[Any]:
     return middle + half * np.clip(action, -1.0, 1.0)
 
 
-def check_action(action: object, whose: str, meaning: str) -> FloatArray:
-    """Return an action as an array (2,) of float32.
+def check_action(action: object, whose: str, meaning: str, count: int = 2) -> FloatArray:
+    """Return an action as an array (count,) of float32.
 
     Args:
         action: what the user gave.
         whose: names the agent in messages.
-        meaning: names the two numbers in messages, e.g. ``"[v in m/s, omega in rad/s]"``.
+        meaning: names the numbers in messages, e.g. ``"[v in m/s, omega in rad/s]"``.
+        count: of the numbers, two or three.
 
     Raises:
-        SimulatorError: if it is not two finite numbers.
+        SimulatorError: if it is not as many finite numbers.
     """
     numbers = to_numbers(action)
-    if numbers.shape != (2,):
-        raise SimulatorError(f"the action of {whose} must be two numbers {meaning}, got {action!r}.")
+    if numbers.shape != (count,):
+        word = {2: "two", 3: "three"}[count]
+        raise SimulatorError(f"the action of {whose} must be {word} numbers {meaning}, got {action!r}.")
     if not np.isfinite(numbers).all():
         raise SimulatorError(
             f"the action of {whose} is not finite: {numbers.tolist()}. Actions are {meaning}."

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-import torch
-from jaxtyping import Bool, Float
-from torch import Tensor
 
 from hpp_framework.robot import Lidar
-from hpp_framework.sensing import BODY, glimpses, lidar_poses
+from hpp_framework.sensing import seen_points
 from hpp_framework.types import Observation
 from hpp_framework.worlds.occupancy import FreeSpace
 
@@ -122,25 +119,6 @@ def seen_spaces(observation: Observation, lidar: Lidar, bounds: Bounds) -> list[
         _rasterise(seen[kept], *_limits(robots, bounds))
         for seen, kept, robots in zip(points.cpu().numpy(), real.cpu().numpy(), team, strict=True)
     ]
-
-
-def seen_points(observation: Observation, lidar: Lidar) -> tuple[Float[Tensor, "b q 2"], Bool[Tensor, "b q"]]:
-    """Return the ends of all beams, world frame in metres, and which of them lie on things that stand still.
-
-    Args:
-        observation: of a robot; its keyframes count too.
-        lidar: of the robot.
-    """
-    seen_from = glimpses(observation.team_poses, observation.scan, observation.keyframes)
-    poses, scans = seen_from.poses, seen_from.scans
-    eyes = lidar_poses(lidar, poses[:, :, observation.agent])
-    bearing = eyes[..., 2:] + torch.from_numpy(lidar.angles()).to(eyes)
-    ends = eyes[:, :, None, :2] + scans[..., None] * torch.stack([bearing.cos(), bearing.sin()], -1)
-    hit = scans < lidar.max_range - 0.01
-    for robot in range(poses.shape[2]):
-        if robot != observation.agent:
-            hit &= (ends - poses[:, :, robot, None, :2]).norm(dim=-1) >= BODY
-    return ends.flatten(1, 2), hit.flatten(1, 2)
 
 
 def _limits(robots: Points, bounds: Bounds) -> tuple[Points, Points]:
