@@ -31,7 +31,7 @@ ARRIVED = 0.6
 
 
 class Guide:
-    """Hands a skill what to drive to: a way-point a little way back if the shortest way to its goal leads back.
+    """Hands a skill what to drive to: a little way back along the shortest way if that begins behind.
 
     Else it is the goal, or a point straight on beyond it where the robot need not halt.
 
