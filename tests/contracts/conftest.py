@@ -33,3 +33,26 @@ def make_straight_team(text: str = "fetch,freight") -> Team:
 def straight_team() -> Team:
     """Return Fetch and Freight with the blind skill."""
     return make_straight_team()
+
+
+@pytest.fixture
+def caught():
+    """Return a function that runs a check on a broken plugin and looks for a finding of a rule."""
+    from hpp_framework.testing import CheckError
+
+    def look(check, plugin, rule, words, **options):
+        with pytest.raises(CheckError) as error:
+            check(plugin, **options)
+        said = [str(finding) for finding in error.value.findings if finding.rule.name == rule]
+        assert said, str(error.value)
+        assert any(words in finding for finding in said), str(error.value)
+        for finding in error.value.findings:
+            assert str(finding) in str(error.value)
+
+    return look
+
+
+@pytest.fixture
+def rules_of():
+    """Return a function that names the rules of modules of checks."""
+    return lambda *modules: {rule.name for module in modules for rule in module.RULES}
