@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 from trimesh.transformations import euler_from_matrix
 
 from hpp_framework.errors import ConfigError, suggest
-from hpp_framework.onboarding.urdf.model import Matrix, Model, Shape, read_urdf
+from hpp_framework.onboarding.urdf.model import Model, Shape, read_urdf
 from hpp_framework.onboarding.urdf.reading import (
     Reading,
     Wheels,
@@ -164,12 +165,11 @@ def parts_of(model: Model, wheels: Wheels, lidar_link: str) -> tuple[Part, ...]:
     found: list[Part] = []
     for link, shapes in model.shapes.items():
         color = COLORS["wheel" if link in turning else "lidar" if link == lidar_link else "other"]
-        found += [_part(shape, to_robot, color) for shape in shapes]
+        found += [_part(shape, to_robot @ shape.place, color) for shape in shapes]
     return tuple(found)
 
 
-def _part(shape: Shape, to_robot: Matrix, color: tuple[float, float, float]) -> Part:
-    place = to_robot @ shape.place
+def _part(shape: Shape, place: npt.NDArray[Any], color: tuple[float, float, float]) -> Part:
     roll, pitch, yaw = map(_rounded, euler_from_matrix(place, axes="sxyz"))
     x, y, z = map(_rounded, place[:3, 3])
     size = [*map(_rounded, shape.size), 0.0, 0.0]
@@ -180,6 +180,6 @@ def _part(shape: Shape, to_robot: Matrix, color: tuple[float, float, float]) -> 
     )  # fmt: skip
 
 
-def _rounded(value: float) -> float:
+def _rounded(value: Any) -> float:
     # no minus zero
     return round(float(value), 6) + 0.0
