@@ -7,6 +7,7 @@ import os
 from contextlib import contextmanager
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -18,6 +19,8 @@ from hpp_framework.onboarding.config import make_onboarding
 from hpp_framework.onboarding.run import describe_plan, onboard
 from hpp_framework.onboarding.scale import SCALES, Scale
 from hpp_framework.onboarding.stages import Stage, make_stages
+from hpp_framework.prediction.collect import Collection, collect
+from hpp_framework.prediction.dataset import TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, find_model
 from hpp_framework.predictor import PredictorRequest
 from hpp_framework.team import parse_team
@@ -194,3 +197,20 @@ def test_folders_of_the_environment_come_before_those_of_plugins(tmp_path, monke
     one, other = tmp_path / "one", tmp_path / "other"
     monkeypatch.setenv(WEIGHTS_VARIABLE, f"{one}{os.pathsep}{other}")
     assert weight_folders((tmp_path,))[:3] == [tmp_path, one, other]
+
+
+def test_every_robot_learns_from_scans_as_wide_as_its_own(register, freight, tmp_path):
+    lidar = replace(freight.lidar, beams=90)
+    register("robots", "mole", lambda: replace(freight, name="mole", lidar=lidar))
+    team = parse_team("freight,mole", skill="pure-pursuit")
+    config = Collection(trajectories=4, chunk=2, worlds=1, steps=12, world="simple")
+    assert list(collect(team, config, tmp_path))[-1] == 4
+    data = TrajectoryData(tmp_path)
+    for agent, beams in enumerate((222, 90)):
+        batch = data.sample(
+            "train", 3, np.random.default_rng(0), agent=agent, subject=0, offsets=(1,), keyframes=2
+        )
+        assert batch.scans.shape[-1] == batch.future_scans.shape[-1] == beams
+        assert batch.keyframes is not None
+        assert batch.keyframes.scans.shape[-1] == beams
+        assert batch.scans.min() > 0
