@@ -60,7 +60,7 @@ pip() { "$venv/bin/python" -m pip -qq --disable-pip-version-check "$@"; }
 echo "Installing into $venv; this takes a few minutes the first time ..."
 # torch by itself first, so that nothing that follows can choose another build
 pip install -c constraints/ci.txt torch
-pip install -c constraints/ci.txt -e '.[dev,docs]'
+pip install -c constraints/ci.txt -e '.[dev,docs,examples]'
 
 # sapien asks for opencv-python, whose cv2 folder overwrites that of opencv-python-headless and needs libGL
 pip uninstall --yes opencv-python opencv-python-headless

@@ -163,7 +163,7 @@ def test_every_dependency_is_pinned():
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    wanted = project["dependencies"] + extras["dev"] + extras["docs"]
+    wanted = project["dependencies"] + extras["dev"] + extras["docs"] + extras["examples"]
     pins = (ROOT / "constraints" / "ci.txt").read_text().lower().replace("_", "-")
     for requirement in wanted:
         name = re.match(r"[A-Za-z0-9_.-]+", requirement)
