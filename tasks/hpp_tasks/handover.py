@@ -24,8 +24,8 @@ def handover(
     ids: Sequence[str] = (),
     first: str = "",
     second: str = "",
-    reach: float = 0.8,
-    angle: float = 0.5,
+    reach: float = 1.0,
+    angle: float = 0.6,
 ) -> ComposedTask:
     """Build the task for a team.
 

@@ -81,14 +81,23 @@ def test_the_nearest_pursuer_counts():
     assert isinstance(term.requirement(0.0), AnyOf)
 
 
-def test_two_that_shall_face_each_other_meet_on_both_sides_and_then_turn():
+def test_two_that_shall_face_each_other_come_to_both_sides_and_then_turn():
     term = Facing(0, 2, apart=1.0)
     far = torch.tensor([[(-4.0, 0.0, 0.0), (9.0, 9.0, 0.0), (4.0, 0.0, 0.0)]])
-    expected = [[0.5, 2.0], [9.0, 9.0], [1.5, 2.0]]
-    assert term.places(torch.tensor([[1.0, 2.0]]), far)[0].tolist() == expected
-    near = far * torch.tensor([0.125, 1.0, 1.0])
-    # the first looks at the second and waits; the second looks away and is sent to the first
-    assert term.places(torch.tensor([[1.0, 2.0]]), near)[0].tolist() == [[-0.5, 0], [1.125, 9], [-0.5, 0]]
+    there, here = torch.tensor([[1.0, 5.0]]), torch.tensor([[0.5, 0.3]])
+
+    def places(goal, poses):
+        return [value for place in term.places(goal, poses)[0].tolist() for value in place]
+
+    assert places(there, far) == pytest.approx([-0.3, 5, 9, 9, 2.3, 5])
+    # the first looks at the second and comes; the second looks away and leaves, to turn
+    near = torch.tensor([[(-1.0, 0.0, 0.0), (9.0, 9.0, 0.0), (1.0, 0.0, 0.0)]])
+    assert places(here, near) == pytest.approx([-0.35, 0, 9, 9, 1.3, 0])
+    # a goal elsewhere leads both there, however near they are to each other
+    assert places(there, near) == pytest.approx([-0.3, 5, 9, 9, 2.3, 5])
+    # too near, the one that looks waits
+    near[..., 0] *= torch.tensor([0.4, 1.0, 0.4])
+    assert places(here, near) == pytest.approx([-0.4, 0, 9, 9, 1.3, 0])
 
 
 def test_region_is_a_disc():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -14,10 +15,16 @@ from hpp_framework.robot import RobotSpec
 from hpp_framework.task_choice import robot_index
 from hpp_framework.term import Term
 
-NEAR = 0.3
-"""Metres beyond the distance of two robots that face each other from which they turn to each other."""
-LOOKING = 0.35
+LOOKING = 0.5
 """Radians within which a robot looks at another."""
+ROOM = 1.6
+"""Metres beyond the distance of two robots that face each other at which both can turn."""
+SPARE = 0.4
+"""Metres by which they may miss that."""
+CLOSER = 0.7
+"""Share of their distance that they come to when they drive towards each other."""
+AGREED = 3.0
+"""Metres from the middle between the two within which a goal means to meet right here."""
 
 
 class Facing(Term):
@@ -46,17 +53,27 @@ class Facing(Term):
     ) -> Float[Tensor, "*c n 2"]:
         """Return places on both sides of the goal, each robot on its own; all others stay where they are.
 
-        Skills care for places, not for headings. So a robot that is near the other one and looks elsewhere is
-        sent towards it, which turns it round, and one that looks right waits.
+        Skills care for places, not for headings, and do not turn towards what is in their way. So two first
+        come to where both can turn, and then towards each other, farther than they have to; one that is too
+        near to turn, or on its way out, leaves again.
         """
         here = poses[..., self.pair, :2]
         between = here - here.flip(-2)
         gap = between.norm(dim=-1, keepdim=True)
-        sides = goals[..., None, :] + between / gap.clamp(min=1e-6) * (self.apart / 2)
-        looks = (self.errors(poses) < LOOKING)[..., None]
-        near = (gap < self.apart + NEAR).expand_as(sides)
-        meant = torch.where(near, torch.where(looks, here, here.flip(-2)).expand_as(sides), sides)
-        places = poses[..., :2].expand(*sides.shape[:-2], -1, -1).clone()
+        outward = between / gap.clamp(min=1e-6)
+        middle = here.mean(-2, keepdim=True)
+        aside = self.errors(poses)[..., None]
+        looks, room = aside < LOOKING, self.apart + ROOM
+        crowded = gap < self.apart
+        # one that looks waits for the other; two that look and still are not done are too near
+        too_near = crowded & (~looks | looks.all(-2, keepdim=True))
+        leaving = ~crowded & (aside > math.pi / 2) & (gap < room - SPARE)
+        closer = torch.where(crowded, here, middle + outward * (CLOSER * self.apart / 2))
+        near = torch.where(too_near | leaving, middle + outward * (room / 2), closer)
+        goal = goals[..., None, :]
+        close = (gap < room + SPARE) & ((goal - middle).norm(dim=-1, keepdim=True) < AGREED)
+        meant = torch.where(close, near, goal + outward * (room / 2))
+        places = poses[..., :2].expand(*meant.shape[:-2], -1, -1).clone()
         places[..., self.pair, :] = meant
         return places
 
