@@ -60,7 +60,7 @@ def draw_worlds(
         for seed in seeds:
             world, poses = _start(name, seed)
             tiles.append(TopDown(world, robots, size=(side, side)).frame(poses, title=name))
-    return _write(out, _tiled(tiles, COLUMNS))
+    return save_picture(out, tiled(tiles, COLUMNS))
 
 
 def draw_rooms(out: Path, names: Sequence[str] = SCANS, *, size: tuple[int, int] = ROOM_SIZE) -> Path:
@@ -89,7 +89,7 @@ def draw_rooms(out: Path, names: Sequence[str] = SCANS, *, size: tuple[int, int]
             target=(middle[0] + 0.01 * reach, middle[1] - 0.05 * reach, 0.0),
         )
         tiles.append(SceneCamera(world, robots, view, size=size).picture(poses))
-    return _write(out, _tiled(tiles, 2))
+    return save_picture(out, tiled(tiles, 2))
 
 
 def _start(name: str, seed: int) -> tuple[World, npt.NDArray[np.float64]]:
@@ -97,7 +97,7 @@ def _start(name: str, seed: int) -> tuple[World, npt.NDArray[np.float64]]:
     return world, spawn_poses(world, [hub().robots.create(robot) for robot in TEAM], numpy_rng(seed, "start"))
 
 
-def _tiled(tiles: Sequence[Image], columns: int) -> Image:
+def tiled(tiles: Sequence[Image], columns: int) -> Image:
     """Join pictures of one size row by row; places that are left over are white."""
     columns = min(columns, len(tiles))
     blank = np.full_like(tiles[0], 255)
@@ -105,7 +105,12 @@ def _tiled(tiles: Sequence[Image], columns: int) -> Image:
     return np.vstack([np.hstack(padded[i : i + columns]) for i in range(0, len(padded), columns)])
 
 
-def _write(out: Path, picture: Image) -> Path:
+def save_picture(out: Path, picture: Image) -> Path:
+    """Write a picture as a PNG; its folder is made if need be.
+
+    Raises:
+        HppError: if it cannot be written.
+    """
     encoded = cv2.imencode(".png", picture[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
