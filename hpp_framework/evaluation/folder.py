@@ -50,7 +50,8 @@ def record(command: str, experiment: Mapping[str, Any], planner_configs: Mapping
         **experiment,
         "command": command,
         "world_files": digests(experiment["worlds"]),
-        "task_file": task_digest(experiment["task"]),
+        # those that judge skills or predictors have none
+        "task_file": task_digest(experiment.get("task", "")),
         "versions": installed_versions(),
         "planner_configs": dict(planner_configs),
     }
