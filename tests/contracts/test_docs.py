@@ -1,4 +1,4 @@
-"""The Python examples of README.md and of pages in docs run as they are printed."""
+"""The Python examples of README.md and of the pages in docs run as they are printed."""
 
 from __future__ import annotations
 
@@ -8,14 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = (
-    "README.md",
-    "docs/start.md",
-    "docs/environments.md",
-    "docs/skills.md",
-    "docs/seeing.md",
-    "docs/predictors.md",
-)
+PAGES = ("README.md", *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")))
 EXAMPLES = [
     (page, number, code)
     for page in PAGES
@@ -23,8 +16,11 @@ EXAMPLES = [
 ]
 
 
-def test_every_page_has_examples():
-    assert [sum(page == name for page, _, _ in EXAMPLES) for name in PAGES] == [2, 1, 3, 2, 1, 2]
+def test_examples_are_found():
+    found = [page for page, _, _ in EXAMPLES]
+    assert found.count("README.md") == 2
+    assert found.count("docs/environments.md") == 3
+    assert len(set(found)) >= 8
 
 
 @pytest.mark.parametrize(
