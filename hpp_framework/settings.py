@@ -15,6 +15,8 @@ from hpp_framework.errors import ConfigError, suggest
 Config = TypeVar("Config")
 Built = TypeVar("Built")
 
+KINDS: Mapping[str, Any] = {"float": 0.0, "int": 0, "str": "", "bool": False}
+"""Values of the kinds that settings without a default can be."""
 BY_NAME = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 
 
@@ -99,10 +101,18 @@ def _like(old: Any, value: Any, name: str, owner: str, *, may_be_none: bool) -> 
     return value
 
 
+def _example(parameter: Parameter) -> Any:
+    """Return a value like those that a parameter takes: its default, else one of its annotated kind."""
+    if parameter.default is not Parameter.empty and parameter.default is not None:
+        return parameter.default
+    kind = getattr(parameter.annotation, "__name__", parameter.annotation)
+    return KINDS.get(str(kind).removesuffix(" | None"))
+
+
 def call_with(
     factory: Callable[..., Built], told: Mapping[str, Any], settings: Mapping[str, Any], owner: str
 ) -> Built:
-    """Call a factory with settings for its keyword parameters, checked against their defaults.
+    """Call a factory with settings for its keyword parameters, whose kinds are checked.
 
     Args:
         factory: its settings are what it can be given by name beyond what it is told.
@@ -112,15 +122,15 @@ def call_with(
         owner: whose settings these are, for messages, e.g. ``"task 'formation'"``.
 
     Raises:
-        ConfigError: if a name is unknown, a value is of another kind than the default, or one without a
-            default is missing; whatever the factory itself refuses.
+        ConfigError: if a name is unknown, a value is of another kind than the default or the annotation, or
+            one without a default is missing; whatever the factory itself refuses.
     """
     others = list(signature(factory).parameters.values())[1:]
     known = {each.name: each for each in others if each.name not in told and each.kind in BY_NAME}
     for name in settings:
         if name not in known:
             hint = suggest(name, known).strip()
-            listing = f"{hint} Known here: {', '.join(known)}." if known else "It has none."
+            listing = f"{hint} Known here: {', '.join(known)}.".strip() if known else "It has none."
             raise ConfigError(f"'{name}' is no setting of {owner}. {listing}")
     required = [name for name, each in known.items() if each.default is Parameter.empty]
     missing = [name for name in required if name not in settings]
@@ -129,8 +139,8 @@ def call_with(
     values: dict[str, Any] = {}
     for name, value in settings.items():
         values[name] = tuple(value) if isinstance(value, list) else value
-        if name not in required:
-            may_be_none = "None" in str(known[name].annotation)
-            values[name] = _like(known[name].default, values[name], name, owner, may_be_none=may_be_none)
+        old, may_be_none = _example(known[name]), "None" in str(known[name].annotation)
+        if old is not None:
+            values[name] = _like(old, values[name], name, owner, may_be_none=may_be_none)
     passed = {each.name: told[each.name] for each in others if each.name in told}
     return factory(next(iter(told.values())), **passed, **values)

@@ -100,6 +100,7 @@ def test_terms_come_from_plugins_too(team, written, register):
         ("formation:offsets=[[0, 0]]", ["1 places for 2 robots"]),
         ("formation:offsets=[1, 2]", ["[[0, 0], [1.2, 0]]"]),
         ("rendezvous:radius=1", ["'radius' is no setting of task 'rendezvous'", "It has none"]),
+        ("region:radius=wide", ["'radius' of task 'region'", "0.0", "'wide'"]),
         ("region:x", ["NAME=VALUE", "'x'"]),
     ],
 )
@@ -126,6 +127,7 @@ def test_wrong_settings_say_what_is_right(team, text, parts):
         ),
         ("first: alice", "first: carol", ["'success[1]'", "'carol' is no robot of the team", "alice, bob"]),
         ("{term: region, x: 2, y: 1, weight: 2}", "{term: region, x: 2}", ["'reward[0]'", "needs 'y'"]),
+        ("x: 2, y: 1, weight", "x: two, y: 1, weight", ["'reward[0]'", "'x' of term 'region'", "'two'"]),
         ("weight: 2", "weight: heavy", ["'reward[0].weight' must be a number"]),
         ("at_most: 0.25", "at_most: -1", ["'success[1].at_most' must be at least 0"]),
         ("sustain_steps: 3", "sustain_steps: 0", ["'sustain_steps' must be at least 1"]),
