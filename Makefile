@@ -29,7 +29,7 @@ types: $(STAMP) ## static types
 	@$(BIN)/basedpyright
 
 docs: $(STAMP) ## this documentation as web pages: build/docs/index.html
-	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+	@$(BIN)/python -m sphinx -q -E -W --keep-going -b html docs build/docs
 	@echo "build/docs/index.html"
 
 bench: $(STAMP) ## speed of everything on this machine (more options: make bench BENCH_ARGS="planning --scale full")

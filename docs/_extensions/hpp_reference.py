@@ -20,6 +20,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
+from unittest import mock
 
 from docutils import nodes
 from docutils.parsers.rst import directives
@@ -29,8 +30,6 @@ from sphinx.util.docutils import SphinxDirective
 WIDTH = 80
 """Columns of a command's help."""
 
-BOX = "╭│╰"
-
 PACKAGES = ("hpp_framework", "hpp_robots", "hpp_skills", "hpp_tasks")
 
 
@@ -38,20 +37,12 @@ def command_help(*words: str) -> str:
     """Return what ``hpp WORDS --help`` prints, at most :data:`WIDTH` columns wide."""
     from hpp_framework.cli.main import main
 
-    printed, columns = io.StringIO(), os.environ.get("COLUMNS")
-    os.environ["COLUMNS"] = str(WIDTH)
-    try:
-        with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
-            main([*words, "--help"])
-    finally:
-        del os.environ["COLUMNS"]
-        if columns is not None:
-            os.environ["COLUMNS"] = columns
+    printed, width = io.StringIO(), mock.patch.dict(os.environ, COLUMNS=str(WIDTH))
+    with width, contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
+        main([*words, "--help"])
     lines = printed.getvalue().rstrip().splitlines()
-    wrapped = (
-        [line.rstrip()] if line[:1] in BOX else textwrap.wrap(line, WIDTH, break_on_hyphens=False) or [""]
-        for line in lines
-    )
+    # descriptions are not wrapped by the parser
+    wrapped = (textwrap.wrap(line, WIDTH, break_on_hyphens=False) or [""] for line in lines)
     return "\n".join(line for group in wrapped for line in group)
 
 
@@ -62,7 +53,7 @@ def commands() -> Iterator[tuple[tuple[str, ...], str]]:
         words = waiting.pop(0)
         text = command_help(*words)
         yield words, text
-        found = [(*words, name) for name in re.findall(r"^[│ ]+• (\S+)", text, re.MULTILINE)]
+        found = [(*words, name) for name in re.findall(r"^ +• (\S+)", text, re.MULTILINE)]
         waiting = found + waiting
 
 
