@@ -69,7 +69,7 @@ class LatticeConfig:
     doubt: float = 0.3
     shadow: float = 0.5
     shadow_depth: float = 2.5
-    patience: float = 10.0
+    patience: float = 3.0
     evidence: float = 0.3
     surprise: float = 0.15
     memory: float = 0.7
