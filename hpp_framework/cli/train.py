@@ -35,6 +35,8 @@ class TrainSkill:
     """Settings of the trainer's recipe, e.g. reward.touch=-0.4 network.hidden=64."""
     threads: int = 2
     """Torch threads."""
+    judge: bool = True
+    """Whether to judge the finished skill in unseen worlds, for its card; that takes minutes."""
     out: Path | None = None
     """Folder to write to (default: runs/SKILL-ROBOT)."""
 
@@ -52,7 +54,7 @@ class TrainSkill:
         check_folder(out)
         config = SkillTraining(
             robot=self.robot, out=out, seed=self.seed, steps=self.steps, init=self.init, threads=self.threads,
-            settings=parse_settings(self.set, "--set"),
+            settings=parse_settings(self.set, "--set"), judge=self.judge,
         )  # fmt: skip
         print(f"weights: {hub().skill_trainers.create(self.name, config)}")
 
