@@ -26,7 +26,7 @@ from hpp_framework.worlds.spawn import spawn_poses
 CASES = [
     ("hpp", "paper"), ("hpp", "best"), ("centralized-mp", "best"), ("centralized-oa", "best"),
     ("centralized-rp", "best"), ("rrt-mp", "paper"), ("rrt-mp", "best"), ("rrt-oa", "best"),
-    ("rrt-cem", "paper"), ("rrt-cem", "best"), ("maddpg", "best"),
+    ("rrt-cem", "paper"), ("rrt-cem", "best"), ("maddpg", "best"), ("hpp-options", "best"),
 ]  # fmt: skip
 
 
