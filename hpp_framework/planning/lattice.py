@@ -64,7 +64,7 @@ class LatticeConfig:
     spacing: float = 0.8
     reach: float = 4.0
     shared: bool = True
-    keep: float = 0.0
+    keep: float = 0.4
     terminal: float = 0.4
     doubt: float = 0.3
     shadow: float = 0.5
