@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from hpp_framework.agent import Agent, make_agent
+from hpp_framework.agent import make_agent
 from hpp_framework.errors import CheckpointError
 from hpp_framework.evaluation.rollout import Episodes, run_episodes
 from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
@@ -17,7 +20,7 @@ from hpp_framework.registry import hub
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.task import Task
 from hpp_framework.team import Team, parse_team
-from hpp_framework.testing.build import KIND, WEIGHTS, Source, build, find_source
+from hpp_framework.testing.build import SHARED, WEIGHTS, Source, build, find_source
 from hpp_framework.testing.purity import (
     NOT_REPEATABLE,
     check_pure,
@@ -58,12 +61,15 @@ TASK = "rendezvous"
 """The task of commands."""
 RULES = (PLAN_EVERY, CENTRALISED, BELIEF, OUTSIDE)
 
+Factory = Callable[[PlannerContext], MetaPlanner]
 SIGNATURE = "(context: PlannerContext) -> MetaPlanner"
 MEANING = "(episodes, [x, y])"
 STEPS = 12
 """Control steps of the episode."""
 ROUNDED = 1e-3
 """Metres by which rounding may change a goal."""
+SAME = 1e-4
+"""Metres by which two equal episodes may differ."""
 
 
 def check_planner(
@@ -72,39 +78,52 @@ def check_planner(
     team: str | Team | None = None,
     task: str | Task | None = None,
     preset: str = "best",
+    settings: Mapping[str, Any] | None = None,
 ) -> None:
     """Check a planner by questions, and by an episode of its team in the batch simulator.
+
+    An object belongs to one robot, so that there is no episode for it.
 
     Args:
         planner: registered name, factory or object.
         team: that plans, e.g. ``"rover,rover"``; None for the first pair that it can be built for.
         task: of the team, by name or as an object; None for that of the commands.
         preset: of planners that have presets.
+        settings: of planners that have some, by dotted name, e.g. ``{"cem.samples": 5}`` for a quicker check.
 
     Raises:
         CheckError: if anything is wrong; holds everything that was found.
         UnknownNameError: if nothing has that name.
     """
     source, report = find_source("planner", planner, MetaPlanner)
-    context, made = _build(source, report, team, task, preset)
+    contexts = _contexts(source.distribution, team, task, preset, settings or {})
+    context, made = _build(source, report, contexts)
     if context is not None and made is not None:
         scene = make_scene(context.team)
         _check_attributes(report, made)
-        if isinstance(made, PrivilegedPlanner) or _check_plans(report, made, scene.observations[0], context):
+        # privileged ones plan nowhere but in episodes
+        fine = isinstance(made, PrivilegedPlanner) or _check_plans(
+            report, made, scene.observations[0], context
+        )
+        if fine and source.factory is not None:
             with report.guarded("plan()", f"in an episode of {STEPS} control steps"):
-                _check_episode(report, source, scene, context)
+                _check_episode(report, source.factory, scene, context)
     report.finish()
 
 
 def _build(
-    source: Source, report: Report, team: str | Team | None, task: str | Task | None, preset: str
+    source: Source, report: Report, contexts: Iterator[PlannerContext]
 ) -> tuple[PlannerContext | None, MetaPlanner | None]:
     missing = ""
-    for context in _contexts(source.distribution, team, task, preset):
+    for context in contexts:
         try:
-            made = build(source, report, (context,), MetaPlanner, SIGNATURE)
             context.team.skills()
-            return context, made
+        except Exception as error:
+            # the skill's own check says so
+            missing = missing or str(error)
+            continue
+        try:
+            return context, build(source, report, (context,), MetaPlanner, SIGNATURE)
         except CheckpointError as error:
             missing = missing or str(error)
     report.add(WEIGHTS, "the factory", f"finds no weights: {missing}")
@@ -112,7 +131,11 @@ def _build(
 
 
 def _contexts(
-    distribution: str, team: str | Team | None, task: str | Task | None, preset: str
+    distribution: str,
+    team: str | Team | None,
+    task: str | Task | None,
+    preset: str,
+    settings: Mapping[str, Any],
 ) -> Iterator[PlannerContext]:
     teams = find_teams(distribution)
     if team is not None:
@@ -120,7 +143,9 @@ def _contexts(
     for known in teams:
         objective = task if isinstance(task, Task) else hub().tasks.create(task or TASK, known.robots)
         bounds = make_scene(known, episodes=1).world.bounds
-        yield PlannerContext(team=known, agent=0, task=objective, preset=preset, bounds=bounds)
+        yield PlannerContext(
+            team=known, agent=0, task=objective, preset=preset, bounds=bounds, settings=settings
+        )
 
 
 def _check_attributes(report: Report, planner: MetaPlanner) -> None:
@@ -187,7 +212,7 @@ def _check_answer(report: Report, of: str, answer: Any, context: PlannerContext)
     goal, belief = answer
     fine = check_tensor(report, of, goal, (EPISODES, 2), MEANING)
     for name in ("goal", "mean", "std"):
-        value: Tensor = getattr(belief, name)
+        value: Any = getattr(belief, name)
         if (
             not isinstance(value, Tensor)
             or value.shape != (EPISODES, 2)
@@ -216,37 +241,25 @@ def _check_answer(report: Report, of: str, answer: Any, context: PlannerContext)
     return True
 
 
-def _check_episode(report: Report, source: Source, scene: Scene, context: PlannerContext) -> None:
+def _check_episode(report: Report, make: Factory, scene: Scene, context: PlannerContext) -> None:
     """Run an episode twice, with agents built anew and the same seed."""
-    if source.factory is None:
-        return
-    planners = [_made_for(source, context, index) for index in range(len(context.team))]
-    if any(one is other for i, one in enumerate(planners) for other in planners[:i]):
-        report.add(KIND, "the factory", "returned one object for two robots.")
-    first, second = (_episode(source, scene, context) for _ in range(2))
-    apart = (
-        float((first.poses - second.poses).abs().max()) if first.poses.shape == second.poses.shape else 1e9
-    )
+    planners = [make(replace(context, agent=index)) for index in range(len(context.team))]
+    if any(one is other for one, other in combinations(planners, 2)):
+        report.add(SHARED, "the factory", "returned one object for two robots.")
+    first, second = (_episode(make, scene, context) for _ in range(2))
+    same = first.poses.shape == second.poses.shape
+    apart = float((first.poses - second.poses).abs().max()) if same else math.inf
     report.require(
-        apart <= 1e-4, NOT_REPEATABLE, "an episode",
+        apart <= SAME, NOT_REPEATABLE, "an episode",
         f"with the same seed and new agents ends elsewhere the second time, by up to {apart:.3g} m.",
     )  # fmt: skip
 
 
-def _made_for(source: Source, context: PlannerContext, agent: int) -> MetaPlanner:
-    assert source.factory is not None  # objects have no episode
-    return source.factory(
-        PlannerContext(
-            team=context.team, agent=agent, task=context.task, preset=context.preset, bounds=context.bounds
-        )
-    )
-
-
-def _episode(source: Source, scene: Scene, context: PlannerContext) -> Episodes:
+def _episode(make: Factory, scene: Scene, context: PlannerContext) -> Episodes:
     team = context.team
-    agents: list[Agent] = []
-    for index, skill in enumerate(team.skills()):
-        planner = _made_for(source, context, index)
-        agents.append(make_agent(index, skill, planner, context.task, team.robots, 0))
+    agents = [
+        make_agent(index, skill, make(replace(context, agent=index)), context.task, team.robots, 0)
+        for index, skill in enumerate(team.skills())
+    ]
     with BatchSimulator(team.robots, threads=1) as simulator:
         return run_episodes(simulator, [scene.world] * 2, scene.starts[:2], agents, context.task, steps=STEPS)

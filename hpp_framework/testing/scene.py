@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, permutations
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import HppError
-from hpp_framework.registry import Entry, hub
+from hpp_framework.registry import Entry, Registry, hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import torch_rng
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import Member, Team, parse_team
+from hpp_framework.team import Member, Team
 from hpp_framework.types import Observation
 from hpp_framework.worlds.world import Box, Cylinder, World
 
 EPISODES = 4
 WARM_UP = 6
 """Control steps driven before anybody is asked anything: histories are full then, and robots move."""
-TEAM = "fetch,freight"
-"""The team of commands, taken where a plugin brings no robots that fit."""
+ROBOTS, SKILL = ("fetch", "freight"), "p2p"
+"""The team and the skill of commands, taken where a plugin brings none that fit."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,12 @@ def make_scene(team: Team, *, episodes: int = EPISODES, seed: int = 0) -> Scene:
 
 
 def find_robots(distribution: str) -> Iterator[RobotSpec]:
-    """Yield robots to check other plugins with: a distribution's own first, then those of commands."""
-    own = [entry for entry in hub().robots if distribution and entry.distribution == distribution]
-    usual = [hub().robots.entry(name) for name in TEAM.split(",") if name in hub().robots]
+    """Yield robots to check other plugins with: a distribution's own first, then those of commands.
+
+    Args:
+        distribution: whose robots are preferred; empty for none.
+    """
+    own, usual = _own(hub().robots, distribution), _usual_robots()
     yield from _built([*own, *(entry for entry in (*usual, *hub().robots) if entry not in own)])
 
 
@@ -94,52 +97,38 @@ def find_teams(distribution: str) -> Iterator[Team]:
     """Yield teams of two to check other plugins with: a distribution's own first, then those of commands.
 
     Args:
-        distribution: whose robots and skills are preferred.
+        distribution: whose robots and skills are preferred; empty for none.
     """
-    own_robots = list(_built(e for e in hub().robots if distribution and e.distribution == distribution))
-    own_skills = [e.name for e in hub().skills if distribution and e.distribution == distribution]
-    seen: set[Team] = set()
-    for robots in [*([robot] * 2 for robot in own_robots), *([one, two] for one, two in _pairs(own_robots))]:
-        for skill in [*own_skills, *_usual_skill()]:
-            yield from _once(_team(robots, skill), seen)
-    for text in (TEAM, *(f"a={name},b={name}" for name in TEAM.split(","))):
-        for skill in [*own_skills, *_usual_skill()]:
-            try:
-                yield from _once(parse_team(text, skill=skill), seen)
-            except HppError:
-                continue
+    own, usual = list(_built(_own(hub().robots, distribution))), list(_built(_usual_robots()))
+    pairs = [*((robot, robot) for robot in own), *permutations(own, 2)]
+    pairs += [*permutations(usual, 2), *((robot, robot) for robot in usual)]
+    skills = [entry.name for entry in _own(hub().skills, distribution)]
+    skills += [SKILL] if SKILL in hub().skills and SKILL not in skills else []
+    for robots in pairs:
+        for skill in skills:
+            members = [Member(id=f"robot-{i}", robot=robot, skill=skill) for i, robot in enumerate(robots)]
+            yield Team(tuple(members))
 
 
-def _usual_skill() -> list[str]:
-    return ["p2p"] if "p2p" in hub().skills else []
-
-
-def _pairs(robots: Sequence[RobotSpec]) -> list[tuple[RobotSpec, RobotSpec]]:
-    return [(one, two) for one in robots for two in robots if one is not two]
-
-
-def _team(robots: Sequence[RobotSpec], skill: str) -> Team:
-    return Team(tuple(Member(id=f"robot-{i}", robot=robot, skill=skill) for i, robot in enumerate(robots)))
-
-
-def _once(team: Team, seen: set[Team]) -> Iterator[Team]:
-    if team not in seen:
-        seen.add(team)
-        yield team
-
-
-def _built(entries: Iterator[Entry[RobotSpec]] | Sequence[Entry[RobotSpec]]) -> Iterator[RobotSpec]:
-    for entry in entries:
-        try:
-            robot = entry.factory()()
-        except Exception:
-            # its own check says so
-            continue
-        if isinstance(robot, RobotSpec):
-            yield robot
-
-
-def first(robots: Iterator[RobotSpec], count: int = 1) -> list[RobotSpec]:
+def first(robots: Iterator[RobotSpec], count: int) -> list[RobotSpec]:
     """Return some robots, the last one repeated if there are too few."""
     found = list(islice(robots, count))
     return found + found[-1:] * (count - len(found))
+
+
+def _own(registry: Registry[Any], distribution: str) -> list[Entry[Any]]:
+    return [entry for entry in registry if distribution and entry.distribution == distribution]
+
+
+def _usual_robots() -> list[Entry[Any]]:
+    return [hub().robots.entry(name) for name in ROBOTS if name in hub().robots]
+
+
+def _built(entries: Iterable[Entry[Any]]) -> Iterator[RobotSpec]:
+    for entry in entries:
+        try:
+            robot = entry.factory()()
+        except Exception:  # its own check says so
+            continue
+        if isinstance(robot, RobotSpec):
+            yield robot

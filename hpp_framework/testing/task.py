@@ -124,7 +124,9 @@ def _build(source: Source, report: Report, robots: Sequence[RobotSpec] | None) -
 
 
 def _check_attributes(report: Report, task: Task) -> None:
-    steps, radius = task.sustain_steps, task.radius
+    # plugins are not always typed
+    steps: Any = task.sustain_steps
+    radius: Any = task.radius
     report.require(
         isinstance(steps, int) and steps >= 1,
         SUSTAIN,

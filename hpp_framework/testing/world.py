@@ -83,7 +83,7 @@ def check_world(
         world = load_world(Path(world))
     source, report = find_source("world", world, World)
     team = list(robots) if robots is not None else first(find_robots(source.distribution), 2)
-    made: list[World] = []
+    made: list[Any] = []
     if source.factory is None:
         made = [source.made]
     else:
@@ -98,9 +98,9 @@ def check_world(
     report.finish()
 
 
-def _check_seed(report: Report, factory: Callable[..., Any], seed: int) -> World:
+def _check_seed(report: Report, factory: Callable[..., Any], seed: int) -> Any:
     """Make one world twice, under other global generators; return it."""
-    worlds: list[World] = []
+    worlds: list[Any] = []
     drew: set[str] = set()
     with restored_generators():
         for attempt in (1, 2):
