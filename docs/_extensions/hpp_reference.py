@@ -88,7 +88,7 @@ def config_table(config: type) -> str:
         ValueError: if its docstring leaves out a field.
     """
     says = meanings(config)
-    lines = [".. list-table::", "   :header-rows: 1", "   :widths: 20 22 18 40", ""]
+    lines = [".. list-table::", "   :class: settings", "   :header-rows: 1", "   :widths: 20 22 18 40", ""]
     rows = [("setting", "type", "default", "meaning")]
     for field in dataclasses.fields(config):
         if field.name not in says:
