@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from hpp_framework.docking import Docking
 from hpp_framework.geometry import wrap_angle
 from hpp_framework.guard import Guard
 from hpp_framework.guide import Guide
@@ -109,7 +110,15 @@ def make_agent(
         agent_rng(planner, seed, index),
         Guard(robot) if guard else None,
         Guide(robot) if (planner.guided if guide is None else guide) else None,
+        Docking(robots, index, Guard(robot)) if _parks(task, planner, len(robots)) else None,
     )
+
+
+def _parks(task: Task, planner: MetaPlanner, robots: int) -> bool:
+    """Return whether an agent drives to a spot of its own in a gathering."""
+    if planner.heedless or not planner.rests or isinstance(planner, Policy):
+        return False
+    return task.parking(torch.zeros(1, 2), torch.zeros(1, robots, 3)) is not None
 
 
 class Agent:
@@ -123,6 +132,7 @@ class Agent:
         guard: keeps the robot off obstacles; None drives as the skill wants.
         guide: turns the robot round at a plan where its way leads back, and keeps it from slowing down before
             a place to meet; None leaves all ways to the skill.
+        docking: takes over from the skill near the robot's spot in a gathering; None leaves it to the skill.
 
     Attributes:
         present: whether the robot takes part now.
@@ -139,6 +149,7 @@ class Agent:
         rng: torch.Generator,
         guard: Guard | None = None,
         guide: Guide | None = None,
+        docking: Docking | None = None,
     ) -> None:
         self.skill = planner if isinstance(planner, Policy) else skill
         self.planner = planner
@@ -146,6 +157,7 @@ class Agent:
         self.rng = rng
         self.guard = guard
         self.guide = guide
+        self.docking = docking
         self.present = True
         self.belief: Belief | None = None
         self.goal: Tensor = torch.empty(0, 2)
@@ -160,6 +172,8 @@ class Agent:
             self.waypoint, self.belief = self.planner.follow(observation, self.waypoint, self.belief)
         self._countdown -= 1
         command = self.skill.act(observation, self.waypoint)
+        if self.docking is not None:
+            command = self.docking(observation, self.waypoint, command)
         if self.rest is not None:
             command = command.masked_fill(self.resting(observation)[:, None], 0.0)
         return command if self.guard is None else self.guard(observation, command)

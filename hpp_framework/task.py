@@ -69,6 +69,20 @@ class Task(ABC):
         del goals, poses
         return None
 
+    def parking(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return where around a shared goal each robot drives so that all find room; None: to the goal.
+
+        Unlike :meth:`places` it is no part of what is imagined and scored, so it must be near the goal.
+
+        Args:
+            goals: shared goals, world frame, metres.
+            poses: of the team now, world frame.
+        """
+        del goals, poses
+        return None
+
     def requirement(self) -> Requirement | None:
         """Return what holds in every fulfilled state, for lower bounds of the time; None if unknown."""
         return None if self.radius is None else Gathering(self.radius)

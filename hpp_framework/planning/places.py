@@ -13,7 +13,7 @@ from hpp_framework.types import Observation, Trajectories
 def own_place(
     task: Task, goal: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"], agent: int
 ) -> Float[Tensor, "b 2"]:
-    """Return where an agent goes when the team shares a goal: the goal itself unless the task has places.
+    """Return where an agent goes when the team shares a goal: the goal itself unless the task knows better.
 
     Args:
         task: the shared objective.
@@ -22,6 +22,8 @@ def own_place(
         agent: its index.
     """
     places = task.places(goal, poses)
+    if places is None:
+        places = task.parking(goal, poses)
     return goal if places is None else places[:, agent]
 
 

@@ -126,3 +126,9 @@ class OverTime(Task):
     ) -> Float[Tensor, "*c n 2"] | None:
         """Return each robot's place."""
         return self.task.places(goals, poses)
+
+    def parking(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return where each robot finds room."""
+        return self.task.parking(goals, poses)

@@ -12,9 +12,16 @@ from torch import Tensor
 
 from hpp_framework.robot import RobotSpec
 from hpp_framework.task import Task, relative_speed
+from hpp_tasks.parking import spots
 
 MARGIN = 0.25
 """Metres between touching discs in a ring and a rendezvous."""
+
+SPARE = 0.12
+"""Metres that robots stop within the radius of a rendezvous of three and more: they do not stop exactly."""
+
+NEARLY = 1.5
+"""Metres beyond the radius within which robots have nearly gathered, and between such robots' goals."""
 
 REST_SPEED = 0.1
 """Largest relative speed of a sustained rendezvous, m/s."""
@@ -48,6 +55,21 @@ class Rendezvous(Task):
         # components, not vectors: norms over an axis of two are slow
         apart = torch.hypot(x[..., one] - x[..., other], y[..., one] - y[..., other])
         return apart.sum(-1).mul_(-2.0).masked_fill_(self.met(poses), 0.0)
+
+    def parking(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return a spot around the goal for each robot of three and more; two on one way meet anyway.
+
+        Robots that have nearly gathered at nearly one goal get spots around their middle: all know where that
+        is, while each only hopes that the others have its own goal.
+        """
+        if poses.shape[-2] < 3:
+            return None
+        middle = poses[..., :2].mean(-2)
+        near = (poses[..., :2] - middle[..., None, :]).norm(dim=-1).amax(-1) < self.radius + NEARLY
+        agreed = near & ((goals - middle).norm(dim=-1) < NEARLY)
+        return spots(torch.where(agreed[..., None], middle, goals), poses, self.radius - SPARE)
 
     def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
         """Return whether everybody is within ``radius`` of the centre."""

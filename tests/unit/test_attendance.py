@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 import torch
 import yaml
@@ -9,7 +12,9 @@ import yaml
 from hpp_framework.attendance import PartTimeAgent, attendance, heard
 from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.experiment import Experiment, check_experiment, make_agents
+from hpp_framework.evaluation.record import Recorder
 from hpp_framework.evaluation.replay import Replay, replay
+from hpp_framework.evaluation.rollout import run_episodes
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.worlds.loader import resolve_world
@@ -138,3 +143,33 @@ def test_noise_of_one_robot_disturbs_what_that_robot_observes(tmp_path):
         sensing.update(state)
     assert torch.equal(sensing.observe(0).team_poses, state.poses)
     assert not torch.allclose(sensing.observe(1).team_poses, state.poses, atol=0.01)
+
+
+def test_the_team_of_the_documentation_plays(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "teams.md").read_text()
+    (tmp_path / "team.yaml").write_text(re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0])
+    shown = Experiment(worlds=("simple",), planners=("hpp",), team=str(tmp_path / "team.yaml"))
+    team = shown.make_team()
+    turns = shown.make_turns(team)
+    assert [(turn.first, turn.present) for turn in turns] == [
+        (0, (0, 1, 3)),
+        (15, (0, 1, 2, 3)),
+        (40, (0, 1, 2)),
+    ]
+    agents = make_agents(shown, "hpp", team, turns, ROOM.bounds)
+    starts = torch.tensor([[[2.0, 2.0, 0], [-2.0, 2.0, 0], [-2.0, -2.0, 0], [2.0, -2.0, 0]]])
+    recorder = Recorder()
+    episodes = run_episodes(
+        BatchSimulator(team.robots), [ROOM], starts, agents, turns, noise=team.noises(NoiseModel()), steps=17,
+        watch=recorder,
+    )  # fmt: skip
+    driven = episodes.poses[0].diff(dim=0)[..., :2].norm(dim=-1).sum(0)
+    assert bool((driven > 0.1).tolist()[0])
+    record = recorder.record({}, ROOM, team, episodes, period=0.2)
+    assert record.agents[1].plans[0].goal.tolist() == [2.0, 1.0]
+    before, after = record.agents[0].plans[0], record.agents[2].plans[0]
+    # carol is not heard of yet: she is imagined to stand
+    assert before.paths[:, :, 2].reshape(-1, 2).std(0).max() == 0
+    assert before.paths[0, 0, 2] == pytest.approx([-2.0, -2.0], abs=0.3)
+    assert after.step == 15
+    assert after.paths.shape[2] == 4

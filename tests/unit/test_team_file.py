@@ -108,11 +108,11 @@ def test_a_ceiling_is_refused_where_somebody_plans_otherwise(write):
 
 def test_settings_of_the_command_do_not_reach_planners_of_members(write):
     shown = experiment(
-        write(ALICE, {**BOB, "planner": "hpp:memory=0.0"}), planners=("hpp",), settings={"keep": 0.1}
+        write(ALICE, {**BOB, "planner": "hpp:memory=0.0"}), planners=("hpp",), settings={"surprise": 0.11}
     )
     configs = check_experiment(shown, {"simple": resolve_world("simple")})
-    assert configs["hpp"]["keep"] == 0.1
-    assert configs["hpp:memory=0.0"]["keep"] == 0.4
+    assert configs["hpp"]["surprise"] == 0.11
+    assert configs["hpp:memory=0.0"]["surprise"] == 0.15
     assert configs["hpp:memory=0.0"]["memory"] == 0.0
 
 
