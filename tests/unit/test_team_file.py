@@ -18,6 +18,7 @@ from hpp_framework.evaluation.experiment import (
     run_experiment,
 )
 from hpp_framework.planning.heuristics import CentralizedMidpoint, CentralizedOther
+from hpp_framework.prediction.library import model_pairs
 from hpp_framework.team_file import read_team_file, resolve_team
 from hpp_framework.worlds.loader import resolve_world
 
@@ -166,3 +167,12 @@ def test_weights_of_an_ordered_pair_are_taken_from_its_folder_only(write, tmp_pa
     shown = experiment(write(ALICE, {**BOB, "weights": {"alice": "mine"}}))
     with pytest.raises(CheckpointError, match="no weights 'other-freight-fetch.safetensors' .*mine"):
         models(shown, 1)
+
+
+@pytest.mark.parametrize("count", [4, 8, 32])
+def test_the_models_of_two_kinds_of_robots_serve_teams_of_any_size(count):
+    names = model_pairs(resolve_team(",".join((["fetch", "freight"] * count)[:count])))
+    assert set(names) == {
+        "self-fetch", "self-freight", "other-fetch-freight", "other-freight-fetch", "other-fetch-fetch",
+        "other-freight-freight",
+    }  # fmt: skip
