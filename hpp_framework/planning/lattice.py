@@ -64,12 +64,12 @@ class LatticeConfig:
     spacing: float = 0.8
     reach: float = 4.0
     shared: bool = True
-    keep: float = 0.4
+    keep: float = 0.0
     terminal: float = 0.4
     doubt: float = 0.3
     shadow: float = 0.5
     shadow_depth: float = 2.5
-    patience: float = 3.0
+    patience: float = 10.0
     evidence: float = 0.3
     surprise: float = 0.15
     memory: float = 0.7
