@@ -14,15 +14,27 @@ import pytest
 ROVER = """
     import dataclasses
 
+    import torch
+
     from hpp_framework.registry import hub
+    from hpp_framework.skill import Skill
 
 
     def register(hub):
         hub.robots.add("rover", "rover_plugin:rover", summary="a test's own robot")
+        hub.skills.add("spin", "rover_plugin:Spin", summary="a test's own skill, of no use")
 
 
     def rover():
         return dataclasses.replace(hub().robots.create("freight"), name="rover", mass=12.0)
+
+
+    class Spin(Skill):
+        def __init__(self, robot):
+            self.robot = robot
+
+        def act(self, observation, goal):
+            return torch.tensor([[0.0, 9.0]]).expand(len(goal), 2)
 """
 PROJECT = """
     [build-system]
@@ -119,7 +131,7 @@ def in_fresh_process(target: Path, code: str) -> dict:
     """Run code with a folder of distributions on the path and return what it prints last."""
     path = f"import sys; sys.path.append({str(target)!r})\n"
     done = subprocess.run(
-        [sys.executable, "-c", path + textwrap.dedent(code)], capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", path + textwrap.dedent(code)], capture_output=True, text=True, timeout=280
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
@@ -136,10 +148,13 @@ def test_an_installed_plugin_is_found_with_its_origin(site):
     assert robots["fetch"] == "hpp-framework 0.1.0"
 
 
-def test_a_plugins_robot_drives_in_a_team_of_both_kinds(site):
+def test_what_a_plugin_brings_drives_and_is_checked(site):
     code = """
+        import contextlib
+        import io
         import json
         import torch
+        from hpp_framework.cli.main import main
         from hpp_framework.sim.batch import BatchSimulator
         from hpp_framework.team import parse_team
         from hpp_framework.worlds.world import World
@@ -150,11 +165,22 @@ def test_a_plugins_robot_drives_in_a_team_of_both_kinds(site):
         simulator.reset([world], torch.tensor([[[-2.0, 0, 0], [2, 0, 0]]]))
         for _ in range(5):
             state = simulator.step(torch.ones(1, 2, 2))
-        print(json.dumps({"ids": team.ids, "x": state.poses[0, 0, 0].item()}))
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            try:
+                main(["check", "rover-plugin"])
+            except SystemExit as stop:
+                status = stop.code
+        found = {"status": status, "printed": " ".join(printed.getvalue().split())}
+        print(json.dumps({"ids": team.ids, "x": state.poses[0, 0, 0].item(), **found}))
     """
     shown = in_fresh_process(site, code)
     assert shown["ids"] == ["rover", "fetch"]
     assert shown["x"] > -2.0
+    assert shown["status"] == 1
+    assert "ok robot 'rover'" in shown["printed"]
+    assert "skill 'spin': 3 findings" in shown["printed"]
+    assert "rover does 0 .. 1 m/s and 3 rad/s. [beyond-limits]" in shown["printed"]
+    assert "2 checked, 1 of them with 3 findings in all." in shown["printed"]
 
 
 def test_nothing_is_imported_before_the_first_look_up(site):
