@@ -15,6 +15,9 @@ import numpy.typing as npt
 
 from hpp_framework.errors import ConfigError
 
+HOUSING = 0.15
+"""Largest radius in metres of a mast or turret that carries a lidar and does not stand in its view."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DriveLimits:
@@ -133,10 +136,12 @@ class RobotSpec:
         for name in ("footprint_radius", "profile_radius", "height", "mass"):
             _require_positive(name, getattr(self, name))
         reach = math.hypot(*self.lidar.mount[:2])
-        if reach <= self.profile_radius and self.lidar.field_of_view > math.pi:
+        inside = reach <= self.profile_radius and self.lidar.field_of_view > math.pi
+        if inside and self.profile_radius > HOUSING:
             raise ConfigError(
                 f"robot '{self.name}': the lidar sits {reach:.3f} m from the centre, inside the disc of "
-                f"{self.profile_radius} m that lidars see; it would see itself. Make profile_radius smaller."
+                f"{self.profile_radius} m that lidars see; it would see itself. Make profile_radius smaller; "
+                f"up to {HOUSING} m it is taken for the lidar's own housing, which it looks past."
             )
 
     def build_body(self) -> tuple[Part, ...]:

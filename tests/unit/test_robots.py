@@ -7,11 +7,14 @@ import math
 
 import numpy as np
 import pytest
+import torch
 from hpp_robots import base
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.registry import hub
 from hpp_framework.robot import DriveLimits, Lidar, RobotSpec
+from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.worlds.world import World
 
 WHEEL_RADIUS, WHEEL_CENTRE = 0.0605, 0.0553
 """URDF 0.8.3: wheel joint height; radius 1 / 16.5289 of the drive's gear."""
@@ -160,6 +163,20 @@ def test_bad_drive_limits(change, message):
 def test_bad_lidars(change, message):
     with pytest.raises(ConfigError, match=message):
         Lidar(**({f.name: getattr(base.LIDAR, f.name) for f in dataclasses.fields(Lidar)} | change))
+
+
+def test_a_lidar_on_a_mast_in_the_middle_sees_all_around(fetch):
+    lidar = dataclasses.replace(fetch.lidar, mount=(0.0, 0.0, 0.0), field_of_view=2 * math.pi, beams=361)
+    robot = dataclasses.replace(fetch, lidar=lidar, profile_radius=0.1)
+    room = World(name="room", bounds=(-3.0, -2.0, 3.0, 2.0))
+    start = torch.tensor([[[1.0, 0.5, 0.3], [-2.0, -1.0, 0.0]]])
+    scan = BatchSimulator([robot, robot]).reset([room], start).scans[0, 0].double()
+    angle = torch.from_numpy(lidar.angles()) + 0.3
+    walls = torch.stack([2.0 / angle.cos(), -4.0 / angle.cos(), 1.5 / angle.sin(), -2.5 / angle.sin()])
+    expected = walls.where(walls > 0, torch.inf).amin(0)
+    mate = (scan - expected).abs() > 0.01
+    assert 1 <= mate.sum() <= 4, "the other robot's mast of 0.1 m hides a few beams"
+    assert (scan[mate] - (3.0**2 + 1.5**2) ** 0.5).abs().max() < 0.15
 
 
 @pytest.mark.parametrize(
