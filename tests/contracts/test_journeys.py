@@ -2,8 +2,8 @@
 
 Blocks ``sh`` are run one after another in one shell; other blocks name a file in their first line and are
 written to it. Nothing comes from a package index, and nothing is installed into the environment of the tests.
-Two train for minutes and run where ``HPP_JOURNEYS=all``, as ``.ci/run`` sets it; all commands of all three must
-be understood.
+Two train for minutes and run where ``HPP_JOURNEYS=all``, as ``.ci/run`` sets it; all commands of all three
+must be understood.
 """
 
 from __future__ import annotations
