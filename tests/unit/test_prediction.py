@@ -323,7 +323,7 @@ def test_missing_weights_say_what_to_do(team):
     stranger = replace(
         lonely, members=(lonely.members[0], replace(broken, robot=replace(broken.robot, name="rover")))
     )
-    with pytest.raises(CheckpointError, match="hpp collect"):
+    with pytest.raises(CheckpointError, match="hpp onboard p2p --with fetch,rover"):
         hub().predictors.create("far-sighted", PredictorRequest(team=stranger, agent=0))
 
 
