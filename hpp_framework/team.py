@@ -30,6 +30,7 @@ class Member:
         skill: registered name of its skill.
         planner: registered meta-planner, with settings of its own or without; None for that of everybody.
         believes: what this robot wrongly takes others for, by id; it predicts them with the models of those.
+            Of itself it may be wrong about its skill.
         weights: folder of the predictor weights by which it predicts a robot, by that robot's id (its own is
             possible); robots that are not named are looked for in the folders of everybody.
         noise: of what this robot observes, by name of :class:`~hpp_framework.sensing.NoiseModel`, instead of

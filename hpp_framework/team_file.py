@@ -101,11 +101,13 @@ def build_team(content: Mapping[str, Any], *, skill: str) -> Team:
 
 
 def _build_member(entry: Mapping[str, Any], plain: Mapping[str, Member], skill: str) -> Member:
+    weights = {id_: Path(folder) for id_, folder in entry.get("weights", {}).items()}
     believes = {
         id_: Member(
             id=id_,
             robot=hub().robots.create(taken["robot"]) if "robot" in taken else plain[id_].robot,
             skill=taken.get("skill", plain[id_].skill),
+            weights=weights if id_ == entry["id"] else {},
         )
         for id_, taken in entry.get("believes", {}).items()
     }
@@ -115,7 +117,7 @@ def _build_member(entry: Mapping[str, Any], plain: Mapping[str, Member], skill: 
         skill=entry.get("skill", skill),
         planner=entry.get("planner"),
         believes=believes,
-        weights={id_: Path(folder) for id_, folder in entry.get("weights", {}).items()},
+        weights=weights,
         noise=entry.get("noise", {}),
         **{name: entry[name] for name in _TIMES if name in entry},
     )
@@ -153,9 +155,11 @@ def _member(
             id_: _believed(source, f"{key}.believes.{id_}", taken)
             for id_, taken in _by_id(source, f"{key}.believes", entry["believes"], ids).items()
         }
-        if found["id"] in found["believes"]:
+        if "robot" in found["believes"].get(found["id"], {}):
             raise source.error(
-                f"{key}.believes.{found['id']}", "is the robot itself", "Name what it takes others for."
+                f"{key}.believes.{found['id']}",
+                "is the robot itself, which knows its body",
+                "Write '{skill: ...}' for the skill that it takes itself to have.",
             )
     if "weights" in entry:
         found["weights"] = {

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from pathlib import Path
+from typing import Any
 
 from hpp_framework.errors import unknown_name
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.predictor_study import PredictorStudy
 from hpp_framework.reproduction.plan import Curves, Planned
 from hpp_framework.sensing import NoiseModel
+from hpp_framework.team_file import effective_team
 
 SIMULATED = ("simple", "wall", "navigation")
 SCANNED = ("real-simple", "real-wall", "real-forest", "real-roundabout")
@@ -41,7 +44,34 @@ MODELS = (
     BEST, "hpp:predictor=constant-velocity:horizon=75", "hpp:predictor=delta-pose-lidar:horizon=25",
 )  # fmt: skip
 """A model that knows nothing of goals, 15 s ahead, and the paper's own, 5 s ahead."""
+TRAINED = "p2p"
+"""The skill of all weights."""
 DISTURBED = (BEST, PAPER, "centralized-mp")
+
+SKILLS = {
+    "skill-early": ("p2p after 1.5 million steps of training", "p2p-early"),
+    "skill-dwa": ("the dynamic window approach", "dwa"),
+}
+"""Skills other than the one that motion models were trained with, and which they go on to predict."""
+
+MISTAKES: Mapping[str, tuple[str, tuple[Mapping[str, Any], ...]]] = {
+    "mistaken-robot": (
+        "each robot takes the other for one of its own kind",
+        ({"believes": {"freight": "fetch"}}, {"believes": {"fetch": "freight"}}),
+    ),
+    "mistaken-skill": (
+        "Freight drives by dwa, Fetch takes it for p2p",
+        (
+            {"believes": {"freight": {"skill": TRAINED}}},
+            {"skill": "dwa", "believes": {"freight": {"skill": TRAINED}}},
+        ),
+    ),
+    "mistaken-will": (
+        "Freight has a goal of its own and keeps it, Fetch takes it for one that wants to agree",
+        ({}, {"planner": "stubborn"}),
+    ),
+}
+"""What Fetch and Freight are wrong about: entries of a team file."""
 
 DISTURBANCES = {
     "pose-noise-0.05": ("poses off by 5 cm and 0.05 rad", NoiseModel(position_std=0.05, heading_std=0.05)),
@@ -63,7 +93,7 @@ class Scale:
         trajectories: a world, on which motion models are asked.
         worlds: the first so many of each experiment's worlds.
         arms: the first so many planners of each ablation.
-        disturbances: the first so many of them.
+        disturbances: the first so many of each kind.
     """
 
     episodes: int
@@ -102,7 +132,13 @@ def experiments(scale: str, seed: int) -> list[Planned]:
             episodes=size.episodes, seed=seed,
         ),
     )  # fmt: skip
-    parts = (_faithful(size, seed), _ours(size, seed), _disturbed(size, seed), _models(size, seed))
+    parts = (
+        _faithful(size, seed),
+        _ours(size, seed),
+        _disturbed(size, seed),
+        _mistaken(size, seed),
+        _models(size, seed),
+    )
     return [main, *chain(*parts)]
 
 
@@ -166,6 +202,31 @@ def _disturbed(size: Scale, seed: int) -> list[Planned]:
         )
         for name, (words, noise) in chosen
     ]  # fmt: skip
+
+
+def _mistaken(size: Scale, seed: int) -> list[Planned]:
+    """Return other skills than the models predict, and robots that are wrong about each other."""
+
+    def planned(name: str, title: str, fetch: Mapping[str, Any], freight: Mapping[str, Any]) -> Planned:
+        entries = [
+            {"id": "fetch", "robot": "fetch", **fetch},
+            {"id": "freight", "robot": "freight", **freight},
+        ]
+        work = Experiment(
+            worlds=SWITCHED_WORLDS[: size.worlds], planners=DISTURBED[: size.arms],
+            episodes=size.ablation, seed=seed, members=effective_team({"members": entries}, Path(name)),
+        )  # fmt: skip
+        return Planned(name=name, title=title, figure=None, work=work)
+
+    believes = {"believes": {id_: {"skill": TRAINED} for id_ in ("fetch", "freight")}}
+    skills = [
+        planned(name, f"Skills that the models do not know: {words}", *[{"skill": skill, **believes}] * 2)
+        for name, (words, skill) in list(SKILLS.items())[: size.disturbances]
+    ]
+    return skills + [
+        planned(name, f"Wrong about the other: {words}", *entries)
+        for name, (words, entries) in list(MISTAKES.items())[: size.disturbances]
+    ]
 
 
 def _models(size: Scale, seed: int) -> list[Planned]:

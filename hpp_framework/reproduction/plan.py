@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.evaluation.experiment import Experiment
-from hpp_framework.evaluation.folder import installed_versions
+from hpp_framework.evaluation.folder import CONFIG, installed_versions
 from hpp_framework.evaluation.predictor_study import PredictorStudy
 from hpp_framework.files import read_json, replacing
 from hpp_framework.sensing import NoiseModel
@@ -76,7 +76,10 @@ class Planned:
         return out / EXPERIMENTS / self.name
 
     def command(self) -> str:
-        """Return the command that does this alone."""
+        """Return the command that does this alone, in the folder of the reproduction."""
+        if isinstance(self.work, Experiment) and self.work.members:  # no option says as much
+            record = f"{EXPERIMENTS}/{self.name}/{CONFIG}"
+            return shlex.join(["hpp", "evaluate", "--config", record, "--out", f"out/{self.name}"])
         if isinstance(self.work, Experiment):
             return shlex.join(["hpp", "evaluate", *_evaluate_options(self.work), "--out", f"out/{self.name}"])
         if isinstance(self.work, PredictorStudy):

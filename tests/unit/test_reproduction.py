@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,8 @@ from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.main import main
 from hpp_framework.cli.options import names, to_experiment
 from hpp_framework.errors import ConfigError, UnknownNameError
-from hpp_framework.evaluation.experiment import Experiment
+from hpp_framework.evaluation.experiment import Experiment, read_experiment
+from hpp_framework.evaluation.folder import CONFIG, EVALUATE, open_evaluation, record
 from hpp_framework.evaluation.predictor_study import PredictorStudy
 from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.statistics import Estimate
@@ -81,13 +83,19 @@ def test_every_arm_of_a_claim_is_in_the_plan_at_full_scale(tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize("scale", SCALES)
-def test_the_commands_repeat_the_experiments(scale):
+def test_the_commands_repeat_the_experiments(scale, tmp_path):
     for each in experiments(scale, 3):
         if isinstance(each.work, Curves):
             continue
         program, command, *options = shlex.split(each.command())
         assert (program, command) == ("hpp", "evaluate")
         read = tyro.cli(Evaluate, args=options, config=(tyro.conf.FlagConversionOff,))
+        if isinstance(each.work, Experiment) and each.work.members:
+            assert read.config == each.folder(Path()) / CONFIG
+            recorded = tmp_path / each.name
+            open_evaluation(recorded, record(EVALUATE, asdict(each.work), {}))
+            assert read_experiment(recorded / CONFIG, "evaluate") == each.work
+            continue
         if isinstance(each.work, PredictorStudy):
             judged = read.judge
             assert (judged.name, *names(judged.compare, "--compare")) == each.work.predictors

@@ -62,6 +62,11 @@ def test_what_members_leave_out_comes_from_the_team_and_then_from_the_command(wr
             r"believes.alic' is not .* Did you mean 'alice'",
         ),
         ([ALICE, {**BOB, "believes": {"bob": "fetch"}}], {}, "believes.bob' is the robot itself"),
+        (
+            [ALICE, {**BOB, "believes": {"bob": {"robot": "fetch", "skill": "dwa"}}}],
+            {},
+            "is the robot itself",
+        ),
         ([ALICE, {**BOB, "believes": {"alice": {"robots": "fetch"}}}], {}, "Did you mean 'robot'"),
         ([{**ALICE, "noise": {"pose": 0.1}}], {}, r"noise.pose' is not a known key. .*position_std"),
         ([ALICE], {"noise": {"dropout": 2}}, "'noise' is wrong: noise: dropout is a share between 0 and 1"),
@@ -154,6 +159,13 @@ def test_a_wrong_belief_changes_the_model_of_that_robot_for_that_robot_only(writ
     assert weight_of(models(right, 0)[1]) == weight_of(models(wrong, 0)[1])
     recorded = json.loads(json.dumps(wrong.members))
     assert recorded["members"][1]["believes"] == {"alice": {"robot": "freight"}}
+
+
+def test_a_robot_may_be_wrong_about_its_own_skill(write):
+    believes = {"believes": {"bob": {"skill": "p2p"}}}
+    wrong = experiment(write({**ALICE, **believes}, {**BOB, "skill": "dwa", **believes}))
+    assert wrong.make_team().members[1].skill == "dwa"
+    assert weight_of(models(wrong, 1)[1]) == weight_of(models(experiment(write(ALICE, BOB)), 1)[1])
 
 
 def test_a_belief_without_weights_is_refused_like_any_other(write):

@@ -82,3 +82,8 @@ def load(robot: RobotSpec, file: Path | None = None) -> PointToPoint:
     network = PolicyNetwork(robot, NetworkShape(**card.get("network", {})))
     load_into(network, weights, file)
     return PointToPoint(network)
+
+
+def load_early(robot: RobotSpec) -> PointToPoint:
+    """Load the skill as it was after 1.5 million steps of training; raises as :func:`load` does."""
+    return load(robot, WEIGHTS / "early" / f"{robot.name}.safetensors")
