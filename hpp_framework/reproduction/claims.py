@@ -25,12 +25,14 @@ class Part:
         outcome: ``"yes"``: the interval lies where the claim says; ``"no"``: it excludes that;
             ``"open"``: it allows both.
         detail: of the numbers behind it, in words.
+        preset: of HPP that it judges; empty where it judges no HPP of the main comparison.
     """
 
     about: str
     found: Estimate
     outcome: Outcome
     detail: str = ""
+    preset: str = ""
 
     def __str__(self) -> str:
         value, low, high = (f"{each:.2f}" for each in (self.found.value, self.found.low, self.found.high))
@@ -66,10 +68,18 @@ class Claim:
             "claim": self.claim,
             "where": self.where,
             "verdict": verdict(self.parts),
+            "presets": self.by_preset(),
             "evidence": self.evidence(),
             "numbers": {part.about: part.found.as_list() for part in self.parts},
             "experiments": list(self.experiments),
         }
+
+    def by_preset(self) -> dict[str, Verdict]:
+        """Return the verdict for each preset of HPP alone; empty if only one or none is judged."""
+        presets = list(dict.fromkeys(part.preset for part in self.parts if part.preset))
+        if len(presets) < 2:
+            return {}
+        return {each: verdict([part for part in self.parts if part.preset == each]) for each in presets}
 
     def evidence(self) -> str:
         """Return the numbers in words."""

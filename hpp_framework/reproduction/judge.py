@@ -38,7 +38,13 @@ def verdict_lines(rows: list[dict[str, Any]]) -> list[str]:
     width = max(len(row["verdict"]) for row in rows)
     counts = Counter(row["verdict"] for row in rows)
     total = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
-    return [*(f"{row['verdict']:{width}}  {row['claim']}" for row in rows), f"claims of the paper: {total}"]
+    lines = [f"{row['verdict']:{width}}  {row['claim']}{_presets(row)}" for row in rows]
+    return [*lines, f"claims of the paper: {total}"]
+
+
+def _presets(row: dict[str, Any]) -> str:
+    told = ", ".join(f"{preset}: {verdict}" for preset, verdict in row["presets"].items())
+    return f" [{told}]" if told else ""
 
 
 def _finite(value: Any) -> Any:

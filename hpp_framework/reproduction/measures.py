@@ -26,6 +26,7 @@ from hpp_framework.evaluation.statistics import (
 )
 from hpp_framework.evaluation.table import read_rows
 from hpp_framework.reproduction.claims import Outcome, Part, side
+from hpp_framework.reproduction.experiments import BEST, PAPER
 from hpp_framework.reproduction.plan import EXPERIMENTS
 from hpp_framework.seeding import numpy_rng
 
@@ -140,7 +141,8 @@ class Measures:
         found = independent_difference(ones, twos)
         detail = f"success {rate(ones).value:.2f} in {easier}, {rate(twos).value:.2f} in {world}"
         about = f"{arm.planner}, {easier} less {world}"
-        return Part(about=about, found=found, outcome=side(found.low, found.high, 0), detail=detail)
+        outcome = side(found.low, found.high, 0)
+        return Part(about=about, found=found, outcome=outcome, detail=detail, preset=_preset(arm))
 
     def episodes(self, arm: Arm, world: str) -> dict[int, EpisodeRow]:
         """Return the episodes of an arm in a world by number, none if it was not run."""
@@ -167,7 +169,7 @@ class Measures:
         count = len(self._common(one, other, world))
         about = f"{world}, {_name(one)} against {_name(other)}"
         outcome = outcome if count >= ENOUGH else "open"
-        return Part(about=about, found=found, outcome=outcome, detail=detail)
+        return Part(about=about, found=found, outcome=outcome, detail=detail, preset=_preset(one, other))
 
     def _paired(
         self, one: Arm, other: Arm, world: str, compare: Callable[[Times, Times], Estimate], equal: float
@@ -188,8 +190,9 @@ class Measures:
         found = rate(np.array([row.success for row in rows.values()], np.bool_))
         about = f"{world}, {_name(arm)}"
         return Part(
-            about=about, found=found, outcome=decide(found), detail=f"success in {len(rows)} episodes"
-        )
+            about=about, found=found, outcome=decide(found), detail=f"success in {len(rows)} episodes",
+            preset=_preset(arm),
+        )  # fmt: skip
 
     def _mean_difference(
         self, one: Arm, other: Arm, world: str, value: Callable[[EpisodeRow], float]
@@ -216,6 +219,12 @@ def _success_difference(first: Times, second: Times) -> Estimate:
 def _name(arm: Arm) -> str:
     """Return what an arm is called in a sentence."""
     return arm.planner if arm.experiment == "main" else f"{arm.planner} ({arm.experiment})"
+
+
+def _preset(*arms: Arm) -> str:
+    """Return the preset of HPP that is among some arms of the main comparison, if there is one."""
+    presets = {Arm("main", PAPER): "paper", Arm("main", BEST): "best"}
+    return next((presets[arm] for arm in arms if arm in presets), "")
 
 
 def _rates(first: Times, second: Times) -> str:

@@ -48,7 +48,7 @@ def claims_table(claims: Sequence[Row], known: Sequence[str]) -> Markup:
     rows = [
         (
             join(str(claim.get("claim", "")), tag("small", str(claim.get("where", "")), class_="where")),
-            verdict(str(claim.get("verdict", ""))),
+            join(verdict(str(claim.get("verdict", ""))), _by_preset(claim.get("presets"))),
             join(
                 _paragraph(claim.get("evidence")),
                 _numbers(claim.get("numbers")),
@@ -68,6 +68,14 @@ def claims_table(claims: Sequence[Row], known: Sequence[str]) -> Markup:
 def verdict(text: str) -> Markup:
     """Return a verdict as a coloured label."""
     return tag("span", text or "open", class_=f"verdict {VERDICTS.get(text, 'open')}")
+
+
+def _by_preset(found: object) -> Markup | None:
+    """Return the verdicts on each preset of HPP alone."""
+    if not isinstance(found, dict) or not found:
+        return None
+    lines = [tag("li", f"{preset}: {text}") for preset, text in found.items()]
+    return tag("ul", *lines, class_="presets")
 
 
 def world_table(ran: Ran, world: str) -> Markup:

@@ -27,8 +27,8 @@ from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.statistics import Estimate
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.reproduction.claims import Claim, Part, verdict
-from hpp_framework.reproduction.experiments import SCALES, SCANNED, SIMULATED, experiments
-from hpp_framework.reproduction.judge import write_claims
+from hpp_framework.reproduction.experiments import BEST, PAPER, SCALES, SCANNED, SIMULATED, experiments
+from hpp_framework.reproduction.judge import verdict_lines, write_claims
 from hpp_framework.reproduction.measures import Arm, Measures
 from hpp_framework.reproduction.plan import Curves, choose, write_plan
 from hpp_framework.reproduction.run import reproduce
@@ -228,6 +228,34 @@ def _run(out: Path, workers: int) -> None:
             pass
 
 
+def test_claims_about_hpp_are_judged_for_each_preset_alone():
+    found = Estimate(0.2, 0.1, 0.3)
+    parts = [
+        Part(about="a", found=found, outcome="yes", preset="best"),
+        Part(about="b", found=found, outcome="no", preset="paper"),
+        Part(about="c", found=found, outcome="yes"),
+    ]
+    claim = Claim(claim="x", where="y", rule="z:", parts=parts, experiments=["main"])
+    assert claim.by_preset() == {"best": "holds", "paper": "does not hold"}
+    row = claim.as_row()
+    assert (row["verdict"], row["presets"]) == ("holds partly", claim.by_preset())
+    assert "x [best: holds, paper: does not hold]" in verdict_lines([row])[0]
+    assert Claim(claim="x", where="y", rule="z:", parts=parts[::2], experiments=["main"]).by_preset() == {}
+
+
+def test_measures_say_which_preset_they_judge(measures, tmp_path):
+    rows = [row(planner, "wall", e, 5.0) for planner in (BEST, PAPER, "a") for e in range(30)]
+    write_rows(tmp_path / "experiments" / "main" / "episodes.csv", rows, EpisodeRow)
+    fresh = Measures(tmp_path)
+    best, paper = Arm("main", BEST), Arm("main", PAPER)
+    for part, preset in (
+        (fresh.better(best, A, "wall"), "best"), (fresh.alike(A, paper, "wall"), "paper"),
+        (fresh.fails(best, "wall"), "best"), (fresh.fails(A, "wall"), ""),
+    ):  # fmt: skip
+        assert part is not None
+        assert part.preset == preset
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_killed_run_resumes_and_ends_with_the_same_results(tmp_path):
@@ -264,5 +292,5 @@ def test_the_whole_paper_from_the_command_line(tmp_path, capsys):
         assert (out / each["folder"] / "distance.npz").exists() == (each["kind"] == "planners")
     assert json.loads((out / "experiments" / "maddpg-training" / "summary.json").read_text())["curves"]
     for claim in json.loads((out / "claims.json").read_text()):
-        assert set(claim) == {"claim", "where", "verdict", "evidence", "numbers", "experiments"}
+        assert set(claim) == {"claim", "where", "verdict", "presets", "evidence", "numbers", "experiments"}
     assert (out / "report" / "index.html").stat().st_size > 1000
