@@ -9,7 +9,7 @@ from typing import Any, Literal
 from hpp_framework.evaluation.statistics import Estimate
 
 Outcome = Literal["yes", "no", "open"]
-Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
+Verdict = Literal["holds", "holds partly", "does not hold", "undecided", "not measured"]
 
 LISTED = 8
 """Parts that the evidence lists at most; of more it lists those that do not speak for the claim."""
@@ -86,14 +86,13 @@ class Claim:
         if not self.parts:
             return self.remark or "What would show it was not run."
         spoke = sum(part.outcome == "yes" for part in self.parts)
-        listed = self.parts if len(self.parts) <= LISTED else [p for p in self.parts if p.outcome != "yes"]
         text = f"{self.rule} {spoke} of {len(self.parts)} do."
-        if listed:
-            text += (
-                (" " if len(listed) == len(self.parts) else " The others: ")
-                + "; ".join(map(str, listed))
-                + "."
-            )
+        if len(self.parts) <= LISTED:
+            text += f" {'; '.join(map(str, self.parts))}."
+        elif against := sorted((p for p in self.parts if p.outcome != "yes"), key=lambda p: p.outcome):
+            more = len(against) - LISTED
+            text += f" The others: {'; '.join(map(str, against[:LISTED]))}"
+            text += f"; and {more} more, among the numbers." if more > 0 else "."
         return text + (f" {self.missing} more were not run." if self.missing else "")
 
 
@@ -103,12 +102,15 @@ def verdict(parts: Sequence[Part]) -> Verdict:
     - *holds*: every part says yes.
     - *holds partly*: some do.
     - *does not hold*: none does, and at least one says no.
-    - *not measured*: nothing was run, or every interval allows both, so that more episodes are needed.
+    - *undecided*: every interval allows both, so that more episodes are needed.
+    - *not measured*: nothing was run.
     """
+    if not parts:
+        return "not measured"
     outcomes = {part.outcome for part in parts}
     if "yes" in outcomes:
         return "holds" if outcomes == {"yes"} else "holds partly"
-    return "does not hold" if "no" in outcomes else "not measured"
+    return "does not hold" if "no" in outcomes else "undecided"
 
 
 def side(low: float, high: float, border: float) -> Outcome:

@@ -188,7 +188,7 @@ def parts(*outcomes: str) -> list[Part]:
     ("outcomes", "expected"),
     [
         ((), "not measured"),
-        (("open", "open"), "not measured"),
+        (("open", "open"), "undecided"),
         (("yes", "yes"), "holds"),
         (("yes", "open"), "holds partly"),
         (("yes", "no"), "holds partly"),
