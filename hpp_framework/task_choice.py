@@ -112,17 +112,20 @@ def _terms(
     return found
 
 
-def robot_index(name: str, ids: Sequence[str], role: str) -> int:
+def robot_index(name: str, ids: Sequence[str], role: str, default: int | None = None) -> int:
     """Return the index of a robot that a task gives a role.
 
     Args:
         name: its id.
         ids: of the team.
         role: for messages, e.g. ``"the leader"``.
+        default: index of the one that has the role where no name is given.
 
     Raises:
         ConfigError: if there is no such robot.
     """
+    if not name and default is not None:
+        return default
     if name not in ids:
         raise ConfigError(f"{role} '{name}' is no robot of the team; its robots are {', '.join(ids)}.")
     return tuple(ids).index(name)

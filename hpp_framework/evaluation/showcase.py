@@ -149,7 +149,7 @@ def _camera(
         return None
     robots, colors = shown.team.robots, robot_colors(shown.team.robots)
     world = shown.worlds[record.about["episode"]]
-    view = team_view(world, record.poses[0], size=size)
+    view = team_view(world, record.poses[0], ways=record.poses, size=size)
     camera = SceneCamera(world, robots, view, size=size)
 
     def picture(poses: npt.NDArray[np.floating], goals: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:

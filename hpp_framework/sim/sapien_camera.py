@@ -44,6 +44,12 @@ WIDTH = 8.0
 MARGIN = 1.4
 """Metres kept free at the sides of the outermost robots."""
 
+BOX = (0.5, 1.2)
+"""Half width and height in metres of what must be in the picture of each robot."""
+
+FARTHER = 1.04
+"""Factor by which the camera is moved back until everything is in the picture."""
+
 OVERSAMPLING = 2
 """Pixels drawn per picture pixel, each way; smooths edges."""
 
@@ -75,7 +81,11 @@ class View:
 
 
 def team_view(
-    world: World, poses: Tensor | npt.NDArray[np.floating], *, size: tuple[int, int] = SIZE
+    world: World,
+    poses: Tensor | npt.NDArray[np.floating],
+    *,
+    ways: Tensor | npt.NDArray[np.floating] | None = None,
+    size: tuple[int, int] = SIZE,
 ) -> View:
     """Choose a view from above and aside that shows a team and what lies between its robots.
 
@@ -84,7 +94,8 @@ def team_view(
 
     Args:
         world: for its bounds.
-        poses: (n, 3) or (n, 2) poses to be seen, for example the start.
+        poses: (n, 3) or (n, 2) poses that the view is turned by, for example the start.
+        ways: (..., 3) or (..., 2) poses to be seen as well, for example of an episode.
         size: (width, height) of the picture in pixels.
     """
     points = np.asarray(poses, np.float64)[:, :2]
@@ -92,20 +103,32 @@ def team_view(
     first, second = np.unravel_index(np.linalg.norm(gaps, axis=-1).argmax(), gaps.shape[:2])
     spread = gaps[first, second]
     length = float(np.linalg.norm(spread))
-    center = (points[first] + points[second]) / 2
     along = math.atan2(spread[1], spread[0]) if length > 0.1 else 0.0
+    if ways is not None:
+        points = np.concatenate([points, np.asarray(ways, np.float64).reshape(-1, np.shape(ways)[-1])[:, :2]])
+    turn = np.array([[math.cos(along), -math.sin(along)], [math.sin(along), math.cos(along)]])
+    turned = points @ turn
+    center = turn @ (turned.min(0) + turned.max(0)) / 2
     half_angle = math.atan(math.tan(FIELD_OF_VIEW / 2) * size[0] / size[1])
     distance = max(WIDTH, length + 2 * MARGIN) / 2 / math.tan(half_angle)
     middle = np.array([world.bounds[0] + world.bounds[2], world.bounds[1] + world.bounds[3]]) / 2
-    eyes = [
-        center + distance * math.cos(ELEVATION) * np.array([math.cos(angle), math.sin(angle)])
+    sides = [
+        np.array([math.cos(angle), math.sin(angle)])
         for angle in (along - math.pi / 2 + SIDESTEP, along + math.pi / 2 + SIDESTEP)
     ]
-    eye = min(eyes, key=lambda place: float(np.linalg.norm(place - middle)))
-    return View(
-        eye=(float(eye[0]), float(eye[1]), distance * math.sin(ELEVATION)),
-        target=(float(center[0]), float(center[1]), 0.2),
+    away = math.cos(ELEVATION) * min(
+        sides, key=lambda side: float(np.linalg.norm(center + distance * math.cos(ELEVATION) * side - middle))
     )
+    half, height = BOX
+    corners = np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (0, height)])
+    boxes = (np.column_stack([points, np.zeros(len(points))])[:, None] + corners).reshape(-1, 3)
+    while True:
+        eye = (*(center + distance * away).tolist(), distance * math.sin(ELEVATION))
+        view = View(eye=eye, target=(*center.tolist(), 0.2))
+        places, depth = _project(view, boxes, size)
+        if (depth > 0).all() and ((places >= 0) & (places <= size)).all():
+            return view
+        distance *= FARTHER
 
 
 class SceneCamera:
@@ -180,19 +203,26 @@ def draw_on_floor(
         color: red, green, blue.
         width: of the line in pixels.
     """
+    places, depth = _project(view, np.column_stack([path, np.zeros(len(path))]), image.shape[1::-1])
+    if not (depth > 0.1).all():
+        return
+    points = np.round(np.clip(places, -1e5, 1e5) * 16).astype(np.int32)
+    cv2.polylines(image, [points], False, color, width, cv2.LINE_AA, 4)
+
+
+def _project(
+    view: View, points: npt.NDArray[np.floating], size: Sequence[int]
+) -> tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]:
+    """Return where points (k, 3) are in a picture, in pixels (k, 2), and how far ahead, in metres (k,)."""
     ahead = np.subtract(view.target, view.eye)
     ahead = ahead / np.linalg.norm(ahead)
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    offsets = np.column_stack([path, np.zeros(len(path))]) - np.array(view.eye)
+    offsets = points - np.array(view.eye)
     depth = offsets @ ahead
-    if not (depth > 0.1).all():
-        return
-    focal = image.shape[0] / 2 / math.tan(view.field_of_view / 2)
+    focal = size[1] / 2 / math.tan(view.field_of_view / 2)
     across = np.column_stack([offsets @ right, offsets @ np.cross(ahead, right)]) / depth[:, None]
-    places = across * focal + np.array([image.shape[1], image.shape[0]]) / 2 - 0.5
-    points = np.round(np.clip(places, -1e5, 1e5) * 16).astype(np.int32)
-    cv2.polylines(image, [points], False, color, width, cv2.LINE_AA, 4)
+    return across * focal + np.array(size) / 2 - 0.5, depth
 
 
 @cache

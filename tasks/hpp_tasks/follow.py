@@ -37,7 +37,7 @@ def follow(
     """
     if len(robots) < 2:
         raise ConfigError("following takes two robots.")
-    index = robot_index(leader, ids, "the leader") if leader else 0
+    index = robot_index(leader, ids, "the leader", 0)
     term = Escort(len(robots), index, least, most)
     rules = Rules(sustain_steps=control_steps(seconds), rest_speed=None, halts=False)
     return ComposedTask([Weighed(term, eq1_weight(2))], [Limit(term)], rules)

@@ -43,8 +43,8 @@ def handover(
     if len(robots) < 2:
         raise ConfigError("a handover needs two robots.")
     pair = (
-        robot_index(first, ids, "the first robot") if first else 0,
-        robot_index(second, ids, "the second robot") if second else 1,
+        robot_index(first, ids, "the first robot", 0),
+        robot_index(second, ids, "the second robot", 1),
     )
     if not reach > GAP:
         raise ConfigError(f"the reach of a handover must be more than {GAP} m, got {reach}.")

@@ -35,7 +35,7 @@ def pursuit(
     """
     if len(robots) < 2:
         raise ConfigError("a pursuit takes two robots.")
-    index = robot_index(stranger, ids, "the stranger") if stranger else len(robots) - 1
+    index = robot_index(stranger, ids, "the stranger", len(robots) - 1)
     chase = pursuers(len(robots), index, near)
     rules = Rules(sustain_steps=control_steps(seconds), rest_speed=None, halts=False)
     return ComposedTask([Weighed(chase, eq1_weight(2))], [Limit(Caught(chase))], rules)
