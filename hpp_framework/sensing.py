@@ -25,6 +25,11 @@ KEYFRAMES = 12
 KEYFRAME_EVERY = 5
 """Control steps between two keyframes."""
 
+HEARD = 3
+"""Poses of another robot that came last, from which its motion is read."""
+MOVED_ON = 10
+"""Control steps by which the last pose that came is moved on, at most: robots turn and stop."""
+
 BODY = 0.45
 """Metres from another robot's observed middle within which a point seen is on that robot."""
 
@@ -39,8 +44,10 @@ class NoiseModel:
         scan_std: of every range in metres, or None for the lidar's own ``noise_std``.
         dropout: share of beams that miss and read the maximum range.
         delay: control steps after which a robot hears of the others' poses; it knows its own at once.
-        pose_dropout: share of the others' poses that are lost on the way; the last one that came still
-            stands then.
+        pose_dropout: share of the others' poses that are lost on the way.
+
+    Poses that are late or lost are made up for by dead reckoning: the last one that came, moved on as that
+    robot moved before (:class:`Sensing`).
     """
 
     position_std: float = 0.0
@@ -90,11 +97,15 @@ class Sensing:
         self.keyframes = keyframes
         self.robots = tuple(robots)
         self.noises = [noise] * len(robots) if isinstance(noise, NoiseModel) else list(noise)
-        self.delay = max(each.delay for each in self.noises)
+        self._delays = [each.delay for each in self.noises]
+        self.delay = max(self._delays)
         self.rng = rng
         self.intensity: Tensor | None = None
         self._poses: Tensor = torch.empty(0)
         self._sent: Tensor = torch.empty(0)
+        self._heard: Tensor = torch.empty(0)
+        self._heard_at: Tensor = torch.empty(0)
+        self._step = 0
         self._scans: list[Tensor] = []
         self._velocities: Tensor = torch.empty(0)
         self._key_poses: Tensor = torch.empty(0)
@@ -106,6 +117,11 @@ class Sensing:
         poses, scans = self._measure(state)
         self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
         self._sent = poses[:, None].repeat(1, self.delay + 1, 1, 1, 1)
+        self._heard = poses[:, None].repeat(1, HEARD, 1, 1, 1)
+        # as if nothing had moved before
+        steps = torch.arange(1.0 - HEARD, 1.0).to(poses)[:, None] - poses.new_tensor(self._delays)
+        self._heard_at = steps[None, :, :, None].expand(self._heard.shape[:4])
+        self._step = 0
         self._scans = [scan[:, None].repeat(1, self.history, 1) for scan in scans]
         self._velocities = state.velocities
         self._key_poses = poses[:, None].repeat(1, self.keyframes, 1, 1, 1)
@@ -116,6 +132,7 @@ class Sensing:
         """Append a measurement of everybody."""
         poses, scans = self._measure(state)
         self._sent = _push(self._sent, poses)
+        self._step += 1
         poses = self._receive(poses)
         self._poses = _push(self._poses, poses)
         self._scans = [_push(old, new) for old, new in zip(self._scans, scans, strict=True)]
@@ -139,6 +156,7 @@ class Sensing:
         touched = robots[:, :, None] | robots[:, None, :]
         self._sent[:, -1] = poses
         self._sent = torch.where(touched[:, None, :, :, None], poses[:, None], self._sent)
+        self._heard = torch.where(touched[:, None, :, :, None], poses[:, None], self._heard)
         self._poses[:, -1] = self._receive(poses)
         self._poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._poses)
         self._key_poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._key_poses)
@@ -174,18 +192,30 @@ class Sensing:
         ]
 
     def _receive(self, measured: Tensor) -> Tensor:
-        """Return what everybody knows (b, observers, n, 3): its own pose at once, the others' late or not."""
+        """Return what everybody knows (b, observers, n, 3): its own pose at once, the others' as reckoned."""
         lost_shares = [noise.pose_dropout for noise in self.noises]
         if not self.delay and not any(lost_shares):
             return measured
-        sent = [self._sent[:, -1 - noise.delay, i] for i, noise in enumerate(self.noises)]
-        known = torch.stack(sent, 1)
+        came = torch.stack([self._sent[:, -1 - delay, i] for i, delay in enumerate(self._delays)], 1)
+        sent_at = self._step - came.new_tensor(self._delays)[:, None].expand(came.shape[:3])
+        arrived = torch.ones(came.shape[:3], dtype=torch.bool, device=came.device)
         if any(lost_shares):
             share = self._scaled(measured.new_tensor(lost_shares)[:, None], measured[..., 0])
-            lost = torch.rand(measured.shape[:3], generator=self.rng).to(measured) < share
-            known = torch.where(lost[..., None], self._poses[:, -1], known)
+            arrived = torch.rand(measured.shape[:3], generator=self.rng).to(measured) >= share
+        new = arrived[:, None]
+        self._heard = torch.where(new[..., None], _push(self._heard, came), self._heard)
+        self._heard_at = torch.where(new, _push(self._heard_at, sent_at), self._heard_at)
         own = torch.eye(len(self.robots), dtype=torch.bool, device=measured.device)
-        return torch.where(own[:, :, None], measured, known)
+        return torch.where(own[:, :, None], measured, self._reckoned())
+
+    def _reckoned(self) -> Tensor:
+        """Return where everybody would be now (b, observers, n, 3) if it moved on as it was last heard to."""
+        last, before = self._heard[:, -1], self._heard[:, 0]
+        change = last - before
+        change = torch.cat([change[..., :2], geometry.wrap_angle(change[..., 2:])], -1)
+        passed = (self._heard_at[:, -1] - self._heard_at[:, 0]).clamp(min=1)
+        age = (self._step - self._heard_at[:, -1]).clamp(max=MOVED_ON)
+        return last + change * (age / passed)[..., None]
 
     def _scan(self, scan: Tensor, robot: RobotSpec, noise: NoiseModel) -> Tensor:
         std = robot.lidar.noise_std if noise.scan_std is None else noise.scan_std

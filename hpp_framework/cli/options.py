@@ -37,7 +37,7 @@ class Noise:
     delay: int = 0
     """Control steps of 0.2 s after which a robot hears of the others' poses."""
     pose_dropout: float = 0.0
-    """Share of the others' poses that are lost on the way; the last one that came still stands."""
+    """Share of the others' poses that are lost on the way; the last one that came is moved on."""
 
     def model(self) -> NoiseModel:
         """Return the noise model."""

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hpp_framework.errors import ConfigError
-from hpp_framework.sensing import HISTORY, NoiseModel, Sensing
+from hpp_framework.sensing import HISTORY, MOVED_ON, NoiseModel, Sensing
 from hpp_framework.types import State
 
 BATCH, BEAMS = 400, 222
@@ -147,7 +147,37 @@ def test_others_are_known_late_and_oneself_at_once(make):
     for agent in (0, 1):
         seen = sensing.observe(agent).poses[0, :, :, 0]
         assert seen[:, agent].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
-        assert seen[:, 1 - agent].tolist() == [0.0, 0.0, 0.0, 1.0, 2.0]
+        # moved on by two steps at the speed of the last three poses that came: 0, 0, 1, then 0, 1, 2
+        assert seen[:, 1 - agent].tolist() == [0.0, 0.0, 0.0, 2.0, 4.0]
+
+
+@pytest.mark.parametrize("noise", [{"delay": 5}, {"pose_dropout": 0.5}, {"delay": 2, "pose_dropout": 0.3}])
+def test_steady_motion_is_reckoned_exactly_from_late_and_lost_poses(make, noise):
+    sensing = make(**noise)
+    steady = state(50)
+    motion = torch.tensor([0.1, -0.2, 0.3])
+    for step in range(40):
+        steady = dataclasses.replace(steady, poses=1.0 + (motion * step).expand(50, 2, 3))
+        (sensing.update if step else sensing.reset)(steady)
+    assert torch.allclose(sensing.observe(0).team_poses, steady.poses, atol=1e-4)
+
+
+def test_reckoning_goes_on_for_two_seconds_and_turns_the_short_way(make):
+    deaf = make(delay=1)
+    start = state(1)
+    for step in range(6):
+        heading = math.pi - 0.1 + 0.05 * step
+        poses = torch.tensor(
+            [[[0.0, 0.0, 0.0], [0.2 * step, 0.0, (heading + math.pi) % (2 * math.pi) - math.pi]]]
+        )
+        (deaf.update if step else deaf.reset)(dataclasses.replace(start, poses=poses))
+    x, _, heading = deaf.observe(0).team_poses[0, 1].tolist()
+    assert x == pytest.approx(1.0, abs=1e-4)
+    assert math.cos(heading - (math.pi + 0.15)) == pytest.approx(1.0, abs=1e-5)
+    deaf.noises = [NoiseModel(delay=1, pose_dropout=1.0)] * 2
+    for _ in range(30):
+        deaf.update(start)
+    assert deaf.observe(0).team_poses[0, 1, 0] == pytest.approx(0.8 + 0.2 * MOVED_ON, abs=1e-3)
 
 
 def test_a_restart_is_known_at_once_whatever_the_delay(make):
