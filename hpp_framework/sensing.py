@@ -27,7 +27,7 @@ KEYFRAME_EVERY = 5
 
 HEARD = 3
 """Poses of another robot that came last, from which its motion is read."""
-MOVED_ON = 10
+MOVED_ON = 5
 """Control steps by which the last pose that came is moved on, at most: robots turn and stop."""
 
 BODY = 0.45

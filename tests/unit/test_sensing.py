@@ -162,7 +162,7 @@ def test_steady_motion_is_reckoned_exactly_from_late_and_lost_poses(make, noise)
     assert torch.allclose(sensing.observe(0).team_poses, steady.poses, atol=1e-4)
 
 
-def test_reckoning_goes_on_for_two_seconds_and_turns_the_short_way(make):
+def test_reckoning_goes_on_for_a_while_and_turns_the_short_way(make):
     deaf = make(delay=1)
     start = state(1)
     for step in range(6):
