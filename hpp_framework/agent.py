@@ -103,14 +103,15 @@ def make_agent(
         guide: whether it has a guide; None leaves it to the planner.
     """
     robot = robots[index]
+    own_guard = Guard(robot)
     return Agent(
         skill,
         planner,
         Rest(task, robots) if task.halts and planner.rests else None,
         agent_rng(planner, seed, index),
-        Guard(robot) if guard else None,
+        own_guard if guard else None,
         Guide(robot) if (planner.guided if guide is None else guide) else None,
-        Docking(robots, index, Guard(robot)) if _parks(task, planner, len(robots)) else None,
+        Docking(robots, index, own_guard) if _parks(task, planner, len(robots)) else None,
     )
 
 

@@ -7,6 +7,7 @@ round them and never arrives. What is known of them is better than a scan: where
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -15,7 +16,7 @@ from torch import Tensor
 from hpp_framework.geometry import polar, to_frame
 from hpp_framework.guard import Guard
 from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import BODY, lidar_poses
+from hpp_framework.sensing import seen_points
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.types import Observation
 
@@ -49,7 +50,6 @@ class Docking:
     def __init__(self, robots: Sequence[RobotSpec], agent: int, guard: Guard) -> None:
         self.robot = robots[agent]
         self.guard = guard
-        self.angles = torch.from_numpy(self.robot.lidar.angles()).float()
         self.others = [index for index in range(len(robots)) if index != agent]
         radii = torch.tensor([robots[index].footprint_radius for index in self.others])
         self.apart = radii + self.robot.footprint_radius + GAP
@@ -62,7 +62,7 @@ class Docking:
         Args:
             observation: what the agent knows.
             spot: where to, world frame, metres.
-            command: of the skill, guarded.
+            command: of the skill.
         """
         near = (observation.pose[:, :2] - spot).norm(dim=-1) < NEAR
         if not bool(near.any()):
@@ -84,17 +84,14 @@ class Docking:
 
     def _blocked(self, observation: Observation, spot: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
         """Return whether the scan shows something on the straight way to the spot that is no teammate."""
-        seen_from = lidar_poses(self.robot.lidar, observation.pose)
-        heading = seen_from[:, 2:] + self.angles.to(spot)
-        beams = torch.stack([heading.cos(), heading.sin()], -1)
-        points = seen_from[:, None, :2] + observation.scan[..., None] * beams
+        # what is seen now counts, not what stood there before
+        points, still = seen_points(replace(observation, keyframes=None), self.robot.lidar)
         distance, bearing = polar(observation.pose, spot).unbind(-1)
         towards = torch.cat([observation.pose[:, :2], (observation.pose[:, 2] + bearing)[:, None]], -1)
         ahead, aside = to_frame(towards[:, None], points).unbind(-1)
         reach = self.robot.footprint_radius + GAP
         on_way = (ahead > 0) & (ahead < distance[:, None] + reach) & (aside.abs() < reach)
-        mates = torch.cdist(points, observation.team_poses[:, self.others, :2]).amin(-1) < BODY
-        return (on_way & ~mates).any(-1)
+        return (on_way & still).any(-1)
 
     def _room(self, observation: Observation) -> Float[Tensor, "b"]:
         """Return how far the robot can drive on before it is too near a teammate, metres."""

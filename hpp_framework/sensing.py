@@ -99,6 +99,7 @@ class Sensing:
         self.noises = [noise] * len(robots) if isinstance(noise, NoiseModel) else list(noise)
         self._delays = [each.delay for each in self.noises]
         self.delay = max(self._delays)
+        self._reckons = self.delay > 0 or any(each.pose_dropout for each in self.noises)
         self.rng = rng
         self.intensity: Tensor | None = None
         self._poses: Tensor = torch.empty(0)
@@ -117,10 +118,10 @@ class Sensing:
         poses, scans = self._measure(state)
         self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
         self._sent = poses[:, None].repeat(1, self.delay + 1, 1, 1, 1)
-        self._heard = poses[:, None].repeat(1, HEARD, 1, 1, 1)
-        # as if nothing had moved before
-        steps = torch.arange(1.0 - HEARD, 1.0).to(poses)[:, None] - poses.new_tensor(self._delays)
-        self._heard_at = steps[None, :, :, None].expand(self._heard.shape[:4])
+        if self._reckons:  # as if nothing had moved before
+            self._heard = poses[:, None].repeat(1, HEARD, 1, 1, 1)
+            steps = torch.arange(1.0 - HEARD, 1.0).to(poses)[:, None] - poses.new_tensor(self._delays)
+            self._heard_at = steps[None, :, :, None].expand(self._heard.shape[:4])
         self._step = 0
         self._scans = [scan[:, None].repeat(1, self.history, 1) for scan in scans]
         self._velocities = state.velocities
@@ -156,7 +157,8 @@ class Sensing:
         touched = robots[:, :, None] | robots[:, None, :]
         self._sent[:, -1] = poses
         self._sent = torch.where(touched[:, None, :, :, None], poses[:, None], self._sent)
-        self._heard = torch.where(touched[:, None, :, :, None], poses[:, None], self._heard)
+        if self._reckons:
+            self._heard = torch.where(touched[:, None, :, :, None], poses[:, None], self._heard)
         self._poses[:, -1] = self._receive(poses)
         self._poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._poses)
         self._key_poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._key_poses)
@@ -193,9 +195,9 @@ class Sensing:
 
     def _receive(self, measured: Tensor) -> Tensor:
         """Return what everybody knows (b, observers, n, 3): its own pose at once, the others' as reckoned."""
-        lost_shares = [noise.pose_dropout for noise in self.noises]
-        if not self.delay and not any(lost_shares):
+        if not self._reckons:
             return measured
+        lost_shares = [noise.pose_dropout for noise in self.noises]
         came = torch.stack([self._sent[:, -1 - delay, i] for i, delay in enumerate(self._delays)], 1)
         sent_at = self._step - came.new_tensor(self._delays)[:, None].expand(came.shape[:3])
         arrived = torch.ones(came.shape[:3], dtype=torch.bool, device=came.device)

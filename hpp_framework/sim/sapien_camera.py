@@ -95,7 +95,7 @@ def team_view(
     Args:
         world: for its bounds.
         poses: (n, 3) or (n, 2) poses that the view is turned by, for example the start.
-        ways: (..., 3) or (..., 2) poses to be seen as well, for example of an episode.
+        ways: (..., 3) or (..., 2) finite poses to be seen as well, for example of an episode.
         size: (width, height) of the picture in pixels.
     """
     points = np.asarray(poses, np.float64)[:, :2]
@@ -126,7 +126,9 @@ def team_view(
         eye = (*(center + distance * away).tolist(), distance * math.sin(ELEVATION))
         view = View(eye=eye, target=(*center.tolist(), 0.2))
         places, depth = _project(view, boxes, size)
-        if (depth > 0).all() and ((places >= 0) & (places <= size)).all():
+        # from pixel centres to the picture's edges; what is not finite is out of sight from everywhere
+        inside = (places >= -0.5) & (places <= np.array(size) - 0.5)
+        if ((depth > 0)[:, None] & inside).all() or not np.isfinite(boxes).all():
             return view
         distance *= FARTHER
 
