@@ -9,28 +9,22 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.docking import Docking
-from hpp_framework.geometry import wrap_angle
 from hpp_framework.guard import Guard
 from hpp_framework.guide import Guide
+from hpp_framework.halting import Halting
 from hpp_framework.planner import Belief, MetaPlanner
 from hpp_framework.policy import Policy
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import torch_rng
-from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.skill import Skill
 from hpp_framework.task import Task
 from hpp_framework.types import Observation
-
-SPEED_STEPS = 3
-"""Control steps over which observed motion is averaged."""
 
 
 class Rest:
     """Decides when an agent stops: when braking now leaves everybody where the task is fulfilled.
 
-    "The process stops when the agents are close to each other" (section 4.2 of the paper). A robot that does
-    1 m/s needs more than a metre to stop, so everybody's halt is foreseen: at full deceleration, in the
-    direction that the present turn leads to. Of its own motion the agent knows what its odometry says.
+    "The process stops when the agents are close to each other" (section 4.2 of the paper).
 
     Args:
         task: the shared objective.
@@ -39,33 +33,13 @@ class Rest:
 
     def __init__(self, task: Task, robots: Sequence[RobotSpec]) -> None:
         self.task = task
-        self.deceleration = torch.tensor([robot.drive.acceleration for robot in robots])
-        self.turn_deceleration = torch.tensor([robot.drive.turn_acceleration for robot in robots])
+        self.halting = Halting(robots)
 
     def __call__(self, observation: Observation) -> Bool[Tensor, "b"]:
         """Return whether to rest now, judged from observed poses, their recent change and odometry."""
         poses = observation.team_poses
-        speed, turn = self._motion(observation)
-        heading = poses[..., 2] + turn * turn.abs() / (2 * self.turn_deceleration.to(poses))
-        distance = speed.square() / (2 * self.deceleration.to(poses))
-        halt = poses[..., :2] + distance[..., None] * torch.stack([heading.cos(), heading.sin()], -1)
+        halt = self.halting(observation)
         return self.task.met(poses) | self.task.met(torch.cat([halt, poses[..., 2:]], -1))
-
-    @staticmethod
-    def _motion(observation: Observation) -> tuple[Float[Tensor, "b n"], Float[Tensor, "b n"]]:
-        """Return everybody's speed (m/s) and turn rate (rad/s)."""
-        poses = observation.team_poses
-        steps = min(SPEED_STEPS, observation.poses.shape[1] - 1)
-        if steps == 0:
-            speed, turn = torch.zeros_like(poses[..., 0]), torch.zeros_like(poses[..., 0])
-        else:
-            before = observation.poses[:, -1 - steps]
-            elapsed = steps * CONTROL_PERIOD
-            speed = (poses - before)[..., :2].norm(dim=-1) / elapsed
-            turn = wrap_angle(poses[..., 2] - before[..., 2]) / elapsed
-        own = torch.arange(poses.shape[1]) == observation.agent
-        velocity = observation.velocity[:, None]
-        return torch.where(own, velocity[..., 0], speed), torch.where(own, velocity[..., 1], turn)
 
 
 def agent_rng(planner: MetaPlanner, seed: int, index: int) -> torch.Generator:
@@ -111,7 +85,7 @@ def make_agent(
         agent_rng(planner, seed, index),
         own_guard if guard else None,
         Guide(robot) if (planner.guided if guide is None else guide) else None,
-        Docking(robots, index, own_guard) if _parks(task, planner, len(robots)) else None,
+        Docking(robots, index, own_guard, task) if _parks(task, planner, len(robots)) else None,
     )
 
 

@@ -90,6 +90,12 @@ class ComposedTask(Task):
         self.sustain_steps = self.rules.sustain_steps
         self.halts = self.rules.halts
 
+    def unit(self, robots: int) -> float:
+        """Return what errors of a metre cost together, against those of a formation of two; at least 1."""
+        nowhere = torch.zeros(robots, 3)
+        costs = (each.weight * each.term.errors(nowhere).shape[-1] for each in self.rewards)
+        return max(sum(costs) / 4, 1.0)
+
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
         """Return minus the weighed sum of the errors, 0 where the task is met."""
         # a term is often paid for and asked for

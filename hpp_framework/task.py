@@ -32,6 +32,16 @@ class Task(ABC):
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
         """Return the reward of team poses (world frame); headings are NaN where a predictor has none."""
 
+    def unit(self, robots: int) -> float:
+        """Return what a metre costs a team of so many robots, against one of two; as in Eq. 1 unless told.
+
+        Planners measure in it what they weigh against rewards, so that it weighs as much in any team.
+
+        Args:
+            robots: in the team, at least 1.
+        """
+        return max(robots * (robots - 1) / 2, 1.0)
+
     def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
         """Return the reward of an imagined trajectory; that of its end unless a task says otherwise.
 

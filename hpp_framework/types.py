@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 
@@ -69,7 +69,7 @@ class Observation:
     velocity: Float[Tensor, "b 2"]
     keyframes: Keyframes | None = None
 
-    def episodes(self, chosen: slice) -> Observation:
+    def episodes(self, chosen: slice | Int[Tensor, "k"]) -> Observation:
         """Return what the agent knows in some of the episodes."""
         kept = self.keyframes and Keyframes(self.keyframes.poses[chosen], self.keyframes.scans[chosen])
         return Observation(self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept)

@@ -22,6 +22,7 @@ UNCHECKED = {
     "hpp_framework.prediction.chart_kernels",
     "hpp_skills.dwa.window_kernels",
     "hpp_framework.worlds.geodesic_kernels",
+    "hpp_tasks.parking_kernels",
 }
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.planner import Belief, Imagination, MetaPlanner, PlannerContext
 from hpp_framework.planning.cem import CemConfig, cross_entropy
-from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.planning.lattice import LatticePlanner, lattice_config
 from hpp_framework.planning.places import imagine_task, own_place
 from hpp_framework.predictor import Predictor, PredictorRequest
 from hpp_framework.registry import hub
@@ -113,7 +113,7 @@ def paper(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner
 
 def best(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner:
     """Build the planner with the best settings known so far; see docs/decisions.md."""
-    config = altered(LatticeConfig(), context.settings, "planner 'hpp', preset 'best'")
+    config = altered(lattice_config(len(context.team)), context.settings, "planner 'hpp', preset 'best'")
     lidar = context.team.robots[context.agent].lidar
     return LatticePlanner(make_predictor(config.predictor, context), context.task, config, lidar)
 

@@ -32,6 +32,8 @@ from hpp_framework.types import Observation, Trajectories
 class LatticeConfig:
     """Parameters of the lattice planner.
 
+    Rewards are those of a team of two: what a larger one gets is divided by :meth:`Task.unit`.
+
     Attributes:
         predictor: registered motion model.
         horizon: prediction steps.
@@ -93,6 +95,16 @@ class LatticeConfig:
                 raise ConfigError(f"lattice: {name} is a share between 0 and 1, got {getattr(self, name)}.")
 
 
+def lattice_config(robots: int) -> LatticeConfig:
+    """Return the best settings known for a team of so many robots; see docs/decisions.md.
+
+    Of more than two, motion tells less of what each wants, since they wait for each other and make room. A
+    plan that any of them can upset needs to be surer. And a larger team starts, and meets, farther from its
+    middle.
+    """
+    return LatticeConfig() if robots < 3 else LatticeConfig(doubt=2.0, surprise=0.4, reach=5.2)
+
+
 @dataclass(frozen=True)
 class LatticeBelief(Belief):
     """Adds what the next plan can learn from, and how many plans there were before it."""
@@ -121,6 +133,7 @@ class LatticePlanner(MetaPlanner):
         self.task = task
         self.config = config
         self.plan_every = config.plan_every
+        self._unit = 1.0
         self.inference = GoalInference(
             elapsed=config.plan_every * CONTROL_PERIOD,
             surprise=config.surprise,
@@ -134,6 +147,7 @@ class LatticePlanner(MetaPlanner):
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
         """Return the own place of the best lattice point, or of the present goal while nearly as good."""
         del rng
+        self._unit = self.task.unit(observation.team_poses.shape[1])
         goals = self.candidates(observation)
         if belief is not None:
             goals = torch.cat([belief.goal[:, None], goals], 1)
@@ -178,7 +192,7 @@ class LatticePlanner(MetaPlanner):
     def _over_time(self, reward: Float[Tensor, "b g t"]) -> Float[Tensor, "b g"]:
         """Return one score for the rewards along a trajectory."""
         terminal = self.config.terminal
-        return (1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]
+        return ((1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]) / self._unit
 
     def _costs(
         self, observation: Observation, goals: Float[Tensor, "b g 2"], imagined: Trajectories, plans: int

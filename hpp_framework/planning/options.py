@@ -18,7 +18,7 @@ from torch import Tensor
 from hpp_framework.errors import ConfigError
 from hpp_framework.option import BUDGET, Option, anywhere, clear_way
 from hpp_framework.planner import Belief, PlannerContext
-from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner, lattice_config
 from hpp_framework.policy import Policy
 from hpp_framework.predictor import Imagine, Predictor, PredictorRequest
 from hpp_framework.registry import hub
@@ -232,7 +232,8 @@ def options(context: PlannerContext) -> OptionsPlanner:
         UnknownNameError: if a skill or a predictor is not registered.
         CheckpointError: if a predictor has no weights for its skill.
     """
-    config = altered(OptionsConfig(), context.settings, "planner 'hpp-options'")
+    best = OptionsConfig(lattice=lattice_config(len(context.team)))
+    config = altered(best, context.settings, "planner 'hpp-options'")
     robot = context.team.robots[context.agent]
     chosen: list[Option] = []
     planners: list[LatticePlanner] = []

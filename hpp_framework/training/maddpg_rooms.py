@@ -10,9 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.agent import SPEED_STEPS, Rest
+from hpp_framework.agent import Rest
 from hpp_framework.evaluation.rollout import EPISODE_STEPS
 from hpp_framework.guard import Guard
+from hpp_framework.halting import SPEED_STEPS
 from hpp_framework.planning.maddpg import features, roles, to_command
 from hpp_framework.robot import RobotSpec
 from hpp_framework.seeding import numpy_rng, torch_rng

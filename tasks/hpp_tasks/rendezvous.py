@@ -17,11 +17,11 @@ from hpp_tasks.parking import spots
 MARGIN = 0.25
 """Metres between touching discs in a ring and a rendezvous."""
 
-SPARE = 0.12
-"""Metres that robots stop within the radius of a rendezvous of three and more: they do not stop exactly."""
+SPARE = 0.17
+"""Metres by which spots lie within the radius of a rendezvous of three and more."""
 
-NEARLY = 1.5
-"""Metres beyond the radius within which robots have nearly gathered, and between such robots' goals."""
+APART = 0.09
+"""Metres from footprint to footprint on neighbouring spots."""
 
 REST_SPEED = 0.1
 """Largest relative speed of a sustained rendezvous, m/s."""
@@ -59,17 +59,12 @@ class Rendezvous(Task):
     def parking(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
     ) -> Float[Tensor, "*c n 2"] | None:
-        """Return a spot around the goal for each robot of three and more; two on one way meet anyway.
-
-        Robots that have nearly gathered at nearly one goal get spots around their middle: all know where that
-        is, while each only hopes that the others have its own goal.
-        """
-        if poses.shape[-2] < 3:
+        """Return a spot around the goal for each robot of three and more; two on one way meet anyway."""
+        count = poses.shape[-2]
+        if count < 3:
             return None
-        middle = poses[..., :2].mean(-2)
-        near = (poses[..., :2] - middle[..., None, :]).norm(dim=-1).amax(-1) < self.radius + NEARLY
-        agreed = near & ((goals - middle).norm(dim=-1) < NEARLY)
-        return spots(torch.where(agreed[..., None], middle, goals), poses, self.radius - SPARE)
+        width = 2 * (self.radius - MARGIN) * math.sin(math.pi / count)
+        return spots(goals, poses, self.radius - SPARE, width + APART)
 
     def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
         """Return whether everybody is within ``radius`` of the centre."""
