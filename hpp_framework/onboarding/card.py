@@ -51,7 +51,7 @@ def _lines(onboarding: Onboarding, card: dict[str, Any]) -> Iterator[str]:
         f"{scale.trajectories:,} trajectories a pair."
     )
     if scale.predictor_steps < SERIOUS:
-        yield "\nThat is a trial of the stages: the models have learnt next to nothing, and the numbers mean little."
+        yield "\nA trial of the stages: the models have learnt next to nothing, and numbers say little."
     yield "\n| skill of | world | success (95 %) | clean | collided | froze |\n|---|---|---|---|---|---|"
     for robot, rows in card["skill"].items():
         for row in rows:

@@ -60,8 +60,8 @@ SCALES = {
     ),
     "standard": Scale(),
 }  # fmt: skip
-"""``smoke`` shows in minutes that everything works, and teaches models next to nothing. Its skills learn enough to
-drive: training first makes weights that it starts from worse, and 60,000 steps make good for that."""
+"""``smoke`` shows in minutes that everything works, and teaches models next to nothing. Its skills can drive:
+training first makes the weights that it starts from worse, and 60,000 steps make good for that."""
 
 
 def find_scale(name: str) -> Scale:
