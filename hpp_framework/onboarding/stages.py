@@ -41,6 +41,7 @@ class Stage:
         done: whether its result is there.
         run: does what is missing.
         draws: whether it shows its progress itself.
+        unit: that its progress is counted in, in words.
     """
 
     title: str
@@ -48,6 +49,7 @@ class Stage:
     done: Callable[[], bool]
     run: Callable[[Report], object]
     draws: bool = False
+    unit: str = "episodes"
 
 
 def make_stages(onboarding: Onboarding, out: Path, *, workers: int) -> list[Stage]:
@@ -165,6 +167,7 @@ def _collection(onboarding: Onboarding, out: Path, pair: tuple[str, str], worker
         total * config.steps / RATES.trajectory_steps + RATES.start,
         lambda: len(list(folder.glob("chunk-?????"))) >= config.chunks,
         run,
+        unit="trajectories",
     )
 
 
@@ -197,6 +200,7 @@ def _models(onboarding: Onboarding, out: Path, workers: int) -> Iterator[Stage]:
         + RATES.start * len(missing),
         lambda: all((folder / f"{name}.safetensors").is_file() for name in missing),
         run,
+        unit="steps",
     )
 
 

@@ -47,7 +47,7 @@ def titles(onboarding, out):
 
 
 @contextmanager
-def no_bars():
+def no_bars(_unit):
     yield lambda *_: None
 
 
