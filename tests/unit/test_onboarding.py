@@ -195,8 +195,16 @@ def test_missing_models_name_the_command_that_makes_them():
 
 def test_folders_of_the_environment_come_before_those_of_plugins(tmp_path, monkeypatch):
     one, other = tmp_path / "one", tmp_path / "other"
+    one.mkdir()
+    other.mkdir()
     monkeypatch.setenv(WEIGHTS_VARIABLE, f"{one}{os.pathsep}{other}")
     assert weight_folders((tmp_path,))[:3] == [tmp_path, one, other]
+
+
+def test_a_folder_of_the_environment_that_does_not_exist_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv(WEIGHTS_VARIABLE, f"{tmp_path}{os.pathsep}{tmp_path / 'nowhere'}")
+    with pytest.raises(CheckpointError, match="HPP_WEIGHTS names '.*nowhere', which is no folder"):
+        weight_folders(())
 
 
 def test_every_robot_learns_from_scans_as_wide_as_its_own(register, freight, tmp_path):
