@@ -20,7 +20,7 @@ PACKAGES = (
 OPENCV = ("opencv-python-headless", "opencv-python")
 """Distributions that bring ``cv2``, into the same folder; the second draws windows and needs libGL."""
 HEADLESS = f"pip install --force-reinstall --no-deps {OPENCV[0]}"
-"""Puts the files without windows back; nothing else changes, so pip stays content with what others ask for."""
+"""Puts the files without windows back and changes nothing else, so pip stays content."""
 COUNTED = ("robots", "skills", "tasks", "worlds", "planners", "predictors")
 """Registries whose sizes are shown."""
 

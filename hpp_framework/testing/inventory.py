@@ -11,10 +11,10 @@ from typing import Any
 
 from packaging.utils import canonicalize_name
 
-from hpp_framework.errors import UnknownNameError, unknown_name
+from hpp_framework.errors import PluginError, UnknownNameError, unknown_name
 from hpp_framework.registry import BrokenPlugin, Entry, Hub, hub
 from hpp_framework.team import parse_team
-from hpp_framework.testing.build import IMPORT
+from hpp_framework.testing.build import IMPORT, not_imported
 from hpp_framework.testing.planner import check_planner
 from hpp_framework.testing.predictor import check_predictor
 from hpp_framework.testing.report import RAISES, CheckError, Finding, Report, Rule, describe
@@ -183,8 +183,13 @@ def _checks(choice: Choice) -> dict[str, Callable[[str], None]]:
 def _check_source(target: Target) -> None:
     """Check what has no check of its own: that it can be imported, and that a folder of weights is one."""
     report = Report(target.subject)
-    with report.guarded("the registered source", rule=IMPORT):
+    try:
         factory = target.entry.factory()
+    except PluginError as error:
+        not_imported(report, target.kind, error)
+        report.finish()
+        raise
+    with report.guarded("the registered source", rule=IMPORT):
         report.require(callable(factory), IMPORT, "the registered source", f"is {factory!r}, not a function.")
         if target.kind == "checkpoints":
             _check_folder(report, factory())
