@@ -128,9 +128,10 @@ def _nothing(name: str, everything: list[Target]) -> list[Target]:
     except (PackageNotFoundError, ValueError):
         known = {t.entry.name for t in everything} | {t.entry.distribution for t in everything} - {""}
         raise unknown_name("distribution or registered thing", name, known) from None
+    module = canonicalize_name(name).replace("-", "_")
     raise UnknownNameError(
         f"{name} {found} is installed, but registers nothing. Its pyproject.toml needs\n"
-        f'[project.entry-points."hpp_framework.plugins"]\nmy_package = "my_package.plugin:register"\n'
+        f'[project.entry-points."hpp_framework.plugins"]\n{module} = "{module}.plugin:register"\n'
         "and has to be installed again after that line is added."
     )
 

@@ -95,6 +95,7 @@ def test_findings_are_printed_and_end_with_1(printed, register):
     [
         ("check pure-pursuitt", "no distribution or registered thing called 'pure-pursuitt'. Did you mean"),
         ("check pytest", "is installed, but registers nothing. Its pyproject.toml needs"),
+        ("check hypothesis", '\nhypothesis = "hypothesis.plugin:register"\n'.replace("\n", " ")),
         ("check p2p --robot fetsh", "Did you mean 'fetch'?"),
         ("check hpp --team fetch,,", "empty entry"),
     ],
