@@ -6,12 +6,14 @@ import json
 import os
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from hpp_framework.checkpoints import WEIGHTS_VARIABLE, find_weights, save_checkpoint, weight_folders
+from hpp_framework.cli.onboard import _own_folder, _what_next
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.onboarding import run as onboarding_run
 from hpp_framework.onboarding.card import write_card
@@ -23,6 +25,7 @@ from hpp_framework.prediction.collect import Collection, collect
 from hpp_framework.prediction.dataset import TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, find_model
 from hpp_framework.predictor import PredictorRequest
+from hpp_framework.registry import Hub, Registry
 from hpp_framework.team import parse_team
 
 SMOKE = SCALES["smoke"]
@@ -191,6 +194,27 @@ def test_missing_models_name_the_command_that_makes_them():
         find_model("far-sighted", PredictorRequest(team=team, agent=0), 1)
     assert "hpp onboard dwa --with fetch,freight" in str(caught.value)
     assert "--set predictor=empty-world" in str(caught.value)
+
+
+def test_what_to_do_with_the_weights_names_the_folder_of_the_package(tmp_path, monkeypatch):
+    folder = tmp_path / "my_robot" / "weights"
+    checkpoints = Registry("checkpoint folder")
+    robots = Registry("robot")
+    for registry in (robots, checkpoints):
+        registry.set_origin("my-robot 0.1")
+    robots.add("rover", lambda: None)
+    checkpoints.add("my_robot", lambda: folder)
+    checkpoints.set_origin("other 1.0")
+    checkpoints.add("other", lambda: tmp_path)
+    monkeypatch.setattr("hpp_framework.registry.hub", lambda: Hub(robots=robots, checkpoints=checkpoints))
+    assert _own_folder("rover") == folder
+    weights = Path("runs") / "rover" / "weights"
+    assert f"cp -r runs/rover/weights/. {folder}/\n" in _what_next(weights, folder)
+    monkeypatch.chdir(tmp_path)
+    said = _what_next(weights, folder)
+    assert "cp -r runs/rover/weights/. my_robot/weights/\n" in said
+    assert f"HPP_WEIGHTS={tmp_path}/runs/rover/weights" in said
+    assert "MY_PKG/weights/" in _what_next(weights, None)
 
 
 def test_folders_of_the_environment_come_before_those_of_plugins(tmp_path, monkeypatch):
