@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from hpp_framework.composition import ComposedTask, Limit, Rules, Weighed
 from hpp_framework.errors import ConfigError, HppError
 from hpp_framework.registry import hub
@@ -34,7 +36,8 @@ def make_task(text: str, robots: Sequence[RobotSpec], ids: Sequence[str] = ()) -
         ids: of the robots, by which tasks with roles know them; without, they are called by their index.
 
     Raises:
-        ConfigError: if a setting or the file is wrong, or the task is none for this team.
+        ConfigError: if a setting or the file is wrong, the task is none for this team, or what it answers has
+            another shape than it should.
         UnknownNameError: if there is no such task.
     """
     told = {"robots": tuple(robots), "ids": tuple(ids) or tuple(map(str, range(len(robots))))}
@@ -42,7 +45,34 @@ def make_task(text: str, robots: Sequence[RobotSpec], ids: Sequence[str] = ()) -
         return _read(Path(text.strip()), told)
     name, *pairs = text.split(":")
     settings = parse_settings(pairs, f"task '{text}'")
-    return call_with(hub().tasks.entry(name).factory(), told, settings, f"task '{name}'")
+    task: Task = call_with(hub().tasks.entry(name).factory(), told, settings, f"task '{name}'")
+    _check_shapes(name, task, len(robots))
+    return task
+
+
+def _check_shapes(name: str, task: Task, robots: int) -> None:
+    """Ask a task about a few poses, as planners will about many.
+
+    Raises:
+        ConfigError: if it does not answer with one value a team.
+    """
+    poses = torch.arange(2 * 5 * robots * 3, dtype=torch.float32).reshape(2, 5, robots, 3)
+    of_poses = f"of poses of shape (2, 5, {robots}, 3)"
+    for method in ("reward", "met"):
+        try:
+            answer = getattr(task, method)(poses.clone())
+        except Exception as error:
+            raise ConfigError(
+                f"task '{name}': {method}() {of_poses} raises {type(error).__name__}: {error}. "
+                "It must take any leading dimensions; `hpp check` says more."
+            ) from error
+        shape = tuple(getattr(answer, "shape", ()))
+        if shape != (2, 5):
+            remedy = "Sum over robots: .sum(-1). " if shape == (2, 5, robots) and method == "reward" else ""
+            raise ConfigError(
+                f"task '{name}': {method}() {of_poses} must be one value a team, of shape (2, 5), "
+                f"but is of shape {shape}. {remedy}`hpp check` says more."
+            )
 
 
 def is_task_file(text: str) -> bool:

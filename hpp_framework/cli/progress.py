@@ -11,11 +11,11 @@ from rich.progress import Progress
 
 
 @contextmanager
-def cell_bars(unit: str = "episodes") -> Generator[Callable[[str, int, int], None]]:
+def cell_bars(unit: str | None = "episodes") -> Generator[Callable[[str, int, int], None]]:
     """Show a bar a cell while the context lasts; gives what is to be called with (cell, done, total).
 
     Args:
-        unit: of the total, in words.
+        unit: of the total, in words; None says nothing where no bar can be shown.
     """
     with Progress(transient=True) as progress:
         bars: dict[str, Any] = {}
@@ -26,7 +26,7 @@ def cell_bars(unit: str = "episodes") -> Generator[Callable[[str, int, int], Non
                 bars[cell] = progress.add_task(escape(cell), total=total)
             progress.update(bars[cell], completed=done)
             # a log file shows no bar
-            if not progress.console.is_terminal and done == total and not finished:
+            if unit is not None and not progress.console.is_terminal and done == total and not finished:
                 progress.console.print(f"{escape(cell)}: {total} {unit}", highlight=False)
 
         yield report

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from hpp_framework.cli.options import Noise, Pairs, to_experiment
+from hpp_framework.cli.progress import cell_bars
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,4 +61,5 @@ class Run:
             which = Which(episode=self.episode, of=self.of)
         else:
             which = recorded_episode(self.config)
-        showcase(experiment, self.out, which=which)
+        with cell_bars(unit=None) as report:
+            showcase(experiment, self.out, which=which, report=report)

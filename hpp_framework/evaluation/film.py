@@ -40,6 +40,11 @@ CameraMaker = Callable[[tuple[int, int]], Camera | None]
 """Makes a camera for pictures of (width, height), or none if there is no way to draw in 3-D."""
 
 
+def frame_count(record: EpisodeRecord) -> int:
+    """Return how many frames the film of an episode has."""
+    return FRAMES_PER_STEP * (len(record.poses) - 1) + 1 + LAST_FRAMES
+
+
 def frames(record: EpisodeRecord, make_camera: CameraMaker = lambda _: None) -> Iterator[Frame]:
     """Yield the frames of an episode, :data:`FRAMES_PER_STEP` a control step.
 

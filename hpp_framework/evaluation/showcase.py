@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.experiment import Experiment, check_experiment
 from hpp_framework.evaluation.figures import plot_distance
-from hpp_framework.evaluation.film import FRAMES_PER_STEP, Camera, frames
+from hpp_framework.evaluation.film import FRAMES_PER_STEP, Camera, Frame, frame_count, frames
 from hpp_framework.evaluation.marks import WHITE, robot_colors
 from hpp_framework.evaluation.record import EpisodeRecord
 from hpp_framework.evaluation.record_file import FILE, save_record
@@ -27,6 +27,8 @@ from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task_choice import task_name
 from hpp_framework.worlds.loader import resolve_world
 
+RUNNING = "running the episode"
+"""What is said to be under way before the film."""
 CROSS = 0.22
 """Half the width of a goal's cross on the floor, metres."""
 
@@ -51,8 +53,21 @@ class Which:
             raise ConfigError(f"there is no episode {self.episode} of {self.of}; the first is 0.")
 
 
+Report = Callable[[str, int, int], None]
+"""Is told what is under way, how much is done and how much there is."""
+
+
+def _nobody(what: str, done: int, total: int) -> None:
+    del what, done, total
+
+
 def showcase(
-    experiment: Experiment, out: Path, *, which: Which | None = None, say: Callable[[str], None] = print
+    experiment: Experiment,
+    out: Path,
+    *,
+    which: Which | None = None,
+    say: Callable[[str], None] = print,
+    report: Report = _nobody,
 ) -> dict[str, Any]:
     """Run one episode of the first world and planner of an experiment and write what happened into ``out``.
 
@@ -63,6 +78,7 @@ def showcase(
         out: run folder.
         which: the episode, by default number 0 alone.
         say: called with lines for the user.
+        report: is told how far the episode and its film are.
 
     Returns:
         What ``summary.json`` holds.
@@ -80,8 +96,10 @@ def showcase(
     config = folder.record(folder.RUN, {**asdict(experiment), **asdict(which)}, configs)
     folder.open_run(out, config)
     factory = factories[experiment.worlds[0]]
+    report(RUNNING, 0, 1)
     (shown,) = replay(experiment, factory, [which.episode], which.of)
-    return _write(shown, config, out, say)
+    report(RUNNING, 1, 1)
+    return _write(shown, config, out, say, report)
 
 
 def recorded_episode(file: Path) -> Which:
@@ -98,7 +116,9 @@ def recorded_episode(file: Path) -> Which:
     return Which(episode=episode, of=of)
 
 
-def _write(shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str], None]) -> dict[str, Any]:
+def _write(
+    shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str], None], report: Report
+) -> dict[str, Any]:
     """Write summary, record, plot and video, and return the summary."""
     about, episodes = describe(config), shown.episodes
     planner = about["planner"]
@@ -114,12 +134,20 @@ def _write(shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str]
     say(f"{planner} ({about['preset']}) in {where}: {verdict}")
     _plot(shown, config["episode"], f"{about['world']}: {verdict}", planner, out)
     film = frames(record, lambda size: _camera(shown, record, size, say))
-    write_video(out / "episode.mp4", film, FRAMES_PER_STEP / CONTROL_PERIOD)
+    write_video(
+        out / "episode.mp4", _watched(film, frame_count(record), report), FRAMES_PER_STEP / CONTROL_PERIOD
+    )
     say(
         f"video:   {out / 'episode.mp4'}\nplot:    {out / 'distance.png'}\nsummary: {out / folder.SUMMARY}\n"
         f"episode: {out / FILE} (hpp inspect {out})"
     )
     return summary
+
+
+def _watched(film: Iterable[Frame], total: int, report: Report) -> Iterator[Frame]:
+    for done, frame in enumerate(film, 1):
+        yield frame
+        report("filming it", done, total)
 
 
 def _plot(shown: Replay, number: int, title: str, planner: str, out: Path) -> None:

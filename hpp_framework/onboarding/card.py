@@ -12,6 +12,8 @@ from hpp_framework.files import replacing
 from hpp_framework.onboarding.config import Onboarding
 
 CARD = "card"
+SERIOUS = 1000
+"""Gradient steps below which a model has learnt next to nothing."""
 SECONDS = (1.0, 5.0)
 """Horizons whose errors the card shows."""
 
@@ -42,6 +44,14 @@ def _lines(onboarding: Onboarding, card: dict[str, Any]) -> Iterator[str]:
     kind = "Robot" if onboarding.is_robot else "Skill"
     yield f"# {kind} `{onboarding.newcomer}`"
     yield f"\nSkill `{onboarding.skill}`, motion models `{onboarding.predictor}`, seed {onboarding.seed}."
+    scale = onboarding.scale
+    yield (
+        f"\nTrained by {scale.skill_steps:,} control steps a skill ({scale.further_steps:,} where another's "
+        f"weights are a start) and {scale.predictor_steps:,} gradient steps a model, on "
+        f"{scale.trajectories:,} trajectories a pair."
+    )
+    if scale.predictor_steps < SERIOUS:
+        yield "\nA trial of the stages: the models have learnt next to nothing, and numbers say little."
     yield "\n| skill of | world | success (95 %) | clean | collided | froze |\n|---|---|---|---|---|---|"
     for robot, rows in card["skill"].items():
         for row in rows:

@@ -17,7 +17,8 @@ from hpp_framework.testing import check_robot, check_skill
 
 RECORD = "onboarding.json"
 """Says which onboarding a folder holds, and what was there already when it began."""
-Bars = Callable[[], AbstractContextManager[Report]]
+Bars = Callable[[str], AbstractContextManager[Report]]
+"""Shows progress that is counted in a unit."""
 
 
 def onboard(
@@ -82,7 +83,7 @@ def _run(stage: Stage, bars: Bars) -> None:
     if stage.draws:
         stage.run(lambda *_: None)
         return
-    with bars() as report:
+    with bars(stage.unit) as report:
         stage.run(report)
 
 

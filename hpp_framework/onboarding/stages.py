@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from hpp_framework.checkpoints import weight_folders
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
 from hpp_framework.evaluation.folder import SUMMARY
@@ -15,6 +16,7 @@ from hpp_framework.evaluation.predictor_study import PredictorStudy
 from hpp_framework.evaluation.predictor_study import run_study as run_predictor_study
 from hpp_framework.evaluation.skill_study import SkillStudy
 from hpp_framework.evaluation.skill_study import run_study as run_skill_study
+from hpp_framework.files import read_json
 from hpp_framework.onboarding.config import Onboarding
 from hpp_framework.onboarding.scale import RATES
 from hpp_framework.prediction.collect import collect
@@ -39,6 +41,7 @@ class Stage:
         done: whether its result is there.
         run: does what is missing.
         draws: whether it shows its progress itself.
+        unit: that its progress is counted in, in words.
     """
 
     title: str
@@ -46,6 +49,7 @@ class Stage:
     done: Callable[[], bool]
     run: Callable[[Report], object]
     draws: bool = False
+    unit: str = "episodes"
 
 
 def make_stages(onboarding: Onboarding, out: Path, *, workers: int) -> list[Stage]:
@@ -80,30 +84,47 @@ def _judged(onboarding: Onboarding) -> tuple[str, ...]:
 
 
 def _skills(onboarding: Onboarding, out: Path, workers: int) -> Iterator[Stage]:
-    """Give the trainings of robots that have no weights of the skill yet."""
+    """Give the trainings of robots without weights of the skill; those of a smaller scale do not count."""
     for name in onboarding.robots:
         robot = hub().robots.create(name)
+        init = _init(onboarding, name)
+        steps = onboarding.scale.further_steps if init else onboarding.scale.skill_steps
+        kind = hub().skills.entry(onboarding.skill).name
+        had = _steps_of_skill(kind, robot.name) if onboarding.newcomer in (name, onboarding.skill) else None
         try:
             hub().skills.create(onboarding.skill, robot)
         except CheckpointError as error:
             if onboarding.skill not in hub().skill_trainers:
                 raise ConfigError(f"{error} Skill '{onboarding.skill}' has no trainer.") from error
         else:
-            continue
-        init = _init(onboarding, name)
-        steps = onboarding.scale.further_steps if init else onboarding.scale.skill_steps
-        file = out / WEIGHTS / hub().skills.entry(onboarding.skill).name / f"{robot.name}.safetensors"
+            if had is None or had >= steps:
+                continue
+        file = out / WEIGHTS / kind / f"{robot.name}.safetensors"
         training = SkillTraining(
             robot=name, out=_folder(out, "skill-training", name), seed=onboarding.seed, steps=steps,
             init=Path(init) if init else None, threads=workers, judge=False,
         )  # fmt: skip
         yield Stage(
-            f"train {onboarding.skill} for {name}, {steps:,} steps from {init or 'nothing'}",
+            f"train {onboarding.skill} for {name}, {steps:,} steps from {init or 'nothing'}{_instead(had)}",
             steps / RATES.skill_steps + min(2000, steps / 200) / RATES.rooms + RATES.start,
             file.is_file,
             partial(_train_skill, onboarding.skill, training, file),
             draws=True,
         )
+
+
+def _steps_of_skill(kind: str, robot: str) -> int | None:
+    """Return the steps of the last training of the weights that are found for a robot; None if unsaid."""
+    for folder in weight_folders(()):
+        card = folder / kind / f"{robot}.json"
+        if card.is_file():
+            stages = read_json(card).get("stages") or [{}]
+            return stages[-1].get("steps")
+    return None
+
+
+def _instead(steps: int | None) -> str:
+    return "" if steps is None else f" (instead of those found, of {steps:,} steps)"
 
 
 def _init(onboarding: Onboarding, robot: str) -> str | None:
@@ -146,6 +167,7 @@ def _collection(onboarding: Onboarding, out: Path, pair: tuple[str, str], worker
         total * config.steps / RATES.trajectory_steps + RATES.start,
         lambda: len(list(folder.glob("chunk-?????"))) >= config.chunks,
         run,
+        unit="trajectories",
     )
 
 
@@ -178,16 +200,22 @@ def _models(onboarding: Onboarding, out: Path, workers: int) -> Iterator[Stage]:
         + RATES.start * len(missing),
         lambda: all((folder / f"{name}.safetensors").is_file() for name in missing),
         run,
+        unit="steps",
     )
 
 
 def _has_model(onboarding: Onboarding, pair: tuple[str, str], agent: int, subject: int) -> bool:
+    """Return whether there is a model; one of a newcomer that a smaller scale trained does not count."""
     request = PredictorRequest(team=onboarding.team(*pair), agent=agent)
     try:
-        find_model(onboarding.predictor, request, subject)
+        file = find_model(onboarding.predictor, request, subject)
     except CheckpointError:
         return False
-    return True
+    if onboarding.newcomer not in (onboarding.skill, pair[agent], pair[subject]):
+        return True
+    card = file.with_suffix(".json")
+    steps = read_json(card).get("steps") if card.is_file() else None
+    return steps is None or steps >= onboarding.scale.predictor_steps
 
 
 def _skill_study(onboarding: Onboarding, out: Path, robot: str) -> Stage:

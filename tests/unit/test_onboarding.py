@@ -8,11 +8,18 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import hpp_skills
 import numpy as np
 import pytest
 import torch
 
-from hpp_framework.checkpoints import WEIGHTS_VARIABLE, find_weights, save_checkpoint, weight_folders
+from hpp_framework.checkpoints import (
+    WEIGHTS_VARIABLE,
+    find_weights,
+    load_checkpoint,
+    save_checkpoint,
+    weight_folders,
+)
 from hpp_framework.cli.onboard import _own_folder, _what_next
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.onboarding import run as onboarding_run
@@ -42,7 +49,7 @@ def titles(onboarding, out):
 
 
 @contextmanager
-def no_bars():
+def no_bars(_unit):
     yield lambda *_: None
 
 
@@ -50,7 +57,7 @@ def no_bars():
 def test_a_robot_is_trained_with_every_teammate_and_its_own_kind(tmp_path):
     onboarding = make_onboarding("rover", ("fetch", "freight"), "p2p", SMOKE)
     planned = titles(onboarding, tmp_path)
-    assert planned[0] == "train p2p for rover, 2,000 steps from fetch"
+    assert planned[0] == "train p2p for rover, 60,000 steps from fetch"
     assert planned[1:4] == [
         f"collect 40 trajectories of rover and {other}" for other in ("fetch", "freight", "rover")
     ]
@@ -83,6 +90,29 @@ def test_a_skill_drives_all_robots_in_all_pairs_and_needs_models_of_its_own(tmp_
 def test_what_is_shipped_is_not_trained_again(tmp_path):
     planned = titles(make_onboarding("freight", ("fetch",), "p2p", SMOKE), tmp_path)
     assert not any(title.startswith("train") for title in planned)
+
+
+@pytest.mark.usefixtures("rover")
+def test_weights_of_a_newcomer_that_a_smaller_scale_made_are_made_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("HPP_WEIGHTS", str(tmp_path / "weights"))
+    skill = tmp_path / "weights" / "p2p" / "rover.safetensors"
+    skill.parent.mkdir(parents=True)
+    shipped = Path(hpp_skills.__file__).parent / "p2p" / "weights" / "fetch.safetensors"
+    weights, card = load_checkpoint(shipped, {})
+    save_checkpoint(skill, weights, {**card, "robot": "rover", "stages": [{"steps": 16384}]})
+    trial = titles(make_onboarding("rover", ("fetch",), "p2p", replace(SMOKE, further_steps=9000)), tmp_path)
+    assert not any("train p2p" in title for title in trial)
+    serious = titles(make_onboarding("rover", ("fetch",), "p2p", SMOKE), tmp_path)
+    assert serious[0] == (
+        "train p2p for rover, 60,000 steps from fetch (instead of those found, of 16,384 steps)"
+    )
+
+
+def test_models_of_a_newcomer_that_a_smaller_scale_made_are_made_again(tmp_path):
+    longer = replace(SMOKE, predictor_steps=20_000)
+    planned = titles(make_onboarding("freight", ("fetch",), "p2p", longer), tmp_path)
+    models = "self-freight, other-freight-fetch, other-fetch-freight, other-freight-freight"
+    assert f"train 4 models, 20,000 steps each: {models}" in planned
 
 
 def test_a_skill_without_weights_or_trainer_is_refused(register, tmp_path):

@@ -9,7 +9,7 @@ import torch
 from hpp_tasks.formation import eq1_weight
 
 from hpp_framework.composition import ComposedTask
-from hpp_framework.errors import HppError
+from hpp_framework.errors import ConfigError, HppError
 from hpp_framework.evaluation import folder
 from hpp_framework.registry import hub
 from hpp_framework.task_choice import make_task, task_name
@@ -144,6 +144,30 @@ def test_mistakes_in_files_are_named(team, written, old, new, parts):
     with pytest.raises(HppError) as caught:
         make_task(file, team.robots, team.ids)
     for part in [file, *parts]:
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("reward", "parts"),
+    [
+        (
+            lambda poses: poses[..., 0],
+            ("one value a team", r"(2, 5, 2). Sum over robots: .sum(-1). `hpp check`"),
+        ),
+        (lambda poses: poses[:, 1, 0, 0], ("one value a team", "is of shape (2,)")),
+        (lambda poses: poses.reshape(2, 3).sum(-1), ("raises RuntimeError", "any leading dimensions")),
+        (lambda _: 0.0, ("is of shape ()",)),
+    ],
+)
+def test_answers_of_another_shape_are_refused(team, register, reward, parts):
+    class Wrong(type(make_task("rendezvous", team.robots))):
+        def reward(self, poses):
+            return reward(poses)
+
+    register("tasks", "wrong", lambda _: Wrong(1.0))
+    with pytest.raises(ConfigError) as caught:
+        make_task("wrong", team.robots)
+    for part in ("task 'wrong': reward() of poses of shape (2, 5, 2, 3)", *parts):
         assert part in str(caught.value)
 
 
