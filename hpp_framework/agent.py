@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.docking import Docking
+from hpp_framework.docking import Docking, parks
 from hpp_framework.guard import Guard
 from hpp_framework.guide import Guide
 from hpp_framework.halting import Halting
@@ -93,7 +93,7 @@ def _parks(task: Task, planner: MetaPlanner, robots: int) -> bool:
     """Return whether an agent drives to a spot of its own in a gathering."""
     if planner.heedless or not planner.rests or isinstance(planner, Policy):
         return False
-    return task.parking(torch.zeros(1, 2), torch.zeros(1, robots, 3)) is not None
+    return parks(task, robots)
 
 
 class Agent:

@@ -156,6 +156,18 @@ class Docking:
         return torch.where(blocks, room.clamp(min=0), torch.inf).amin(-1)
 
 
+def parks(task: Task, robots: int) -> bool:
+    """Return whether a task has spots around a goal for a team of so many robots."""
+    return task.parking(torch.zeros(1, 2), torch.zeros(1, robots, 3)) is not None
+
+
+def dockings(robots: Sequence[RobotSpec], task: Task) -> list[Docking] | None:
+    """Return everybody's docking; None where a task has no spots."""
+    if not parks(task, len(robots)):
+        return None
+    return [Docking(robots, index, Guard(robot), task) for index, robot in enumerate(robots)]
+
+
 def _stoppable(room: Float[Tensor, "b"], deceleration: float) -> Float[Tensor, "b"]:
     """Return the speed from which a robot stops within a distance or angle, one control period from now."""
     counted_on = CAREFUL * deceleration

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.agent import Rest
+from hpp_framework.docking import dockings
 from hpp_framework.predictor import ImaginePlaces, Predictor
 from hpp_framework.privileged import PrivilegedPredictor
 from hpp_framework.sim.batch import BatchSimulator
@@ -31,6 +32,8 @@ STILL = 1e-4
 class TruePredictor(PrivilegedPredictor):
     """Simulates every goal from the true state, with everybody's real skill, until all rest and stand.
 
+    Large teams find room as they really do: each robot has its spot around the shared goal, and docks.
+
     The imagined episodes are free of noise and run in the batch simulator, also where the real ones run in
     SAPIEN.
 
@@ -43,7 +46,9 @@ class TruePredictor(PrivilegedPredictor):
     def __init__(self, team: Team, task: Task, like: Predictor) -> None:
         self.robots = team.robots
         self.skills = team.skills()
+        self.task = task
         self.rest = Rest(task, team.robots) if task.halts else None
+        self.docking = dockings(team.robots, task)
         self.like = like
         self.simulator = BatchSimulator(team.robots)
         self._times: dict[int, Tensor] = {}
@@ -117,8 +122,13 @@ class _Crowd:
             Observation(i, poses.window(), scans.window(), self.state.velocities[:, i])
             for i, (poses, scans) in enumerate(zip(self.poses, self.scans, strict=True))
         ]
-        skills = zip(self.owner.skills, seen, self.goals.unbind(1), strict=True)
-        commands = torch.stack([skill.act(o, goal) for skill, o, goal in skills], 1)
+        goals = self._spots()
+        skills = zip(self.owner.skills, seen, goals.unbind(1), strict=True)
+        wanted = [skill.act(o, goal) for skill, o, goal in skills]
+        if self.owner.docking is not None:
+            docked = zip(self.owner.docking, seen, goals.unbind(1), wanted, strict=True)
+            wanted = [docking(o, goal, command) for docking, o, goal, command in docked]
+        commands = torch.stack(wanted, 1)
         resting = torch.zeros(commands.shape[:2], dtype=torch.bool)
         if self.owner.rest is not None:
             resting = torch.stack([self.owner.rest(o) for o in seen], 1)
@@ -130,6 +140,14 @@ class _Crowd:
             scan = self.state.scans[:, i, : lidar.beams].clamp(lidar.min_range, lidar.max_range)
             self.scans[i].push(scan)
         return resting.all(1) & (self.state.velocities.abs() < STILL).all(-1).all(-1)
+
+    def _spots(self) -> Float[Tensor, "r n 2"]:
+        """Return where each robot drives: to its goal, or to its spot around the one that all share."""
+        if self.owner.docking is None:
+            return self.goals
+        spots = self.owner.task.parking(self.goals[:, 0], self.state.poses)
+        assert spots is not None, "a task has spots for all goals or for none"
+        return spots
 
     def keep(self, chosen: Bool[Tensor, "r"]) -> None:
         """Go on with some of the episodes."""
