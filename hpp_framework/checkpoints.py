@@ -98,9 +98,23 @@ def weight_folders(extra: Sequence[Path]) -> list[Path]:
 
     In this order: folders of one's own, those that the environment variable :data:`WEIGHTS_VARIABLE` names,
     then those of plugins.
+
+    Raises:
+        CheckpointError: if the environment variable names a folder that does not exist.
     """
-    named = os.environ.get(WEIGHTS_VARIABLE, "").split(os.pathsep)
-    return [*extra, *(Path(name) for name in named if name), *(e.factory()() for e in hub().checkpoints)]
+    return [*extra, *_named_folders(), *(e.factory()() for e in hub().checkpoints)]
+
+
+def _named_folders() -> list[Path]:
+    """Return the folders that the environment variable names; each must exist."""
+    folders = [Path(name) for name in os.environ.get(WEIGHTS_VARIABLE, "").split(os.pathsep) if name]
+    missing = next((folder for folder in folders if not folder.is_dir()), None)
+    if missing is not None:
+        raise CheckpointError(
+            f"{WEIGHTS_VARIABLE} names '{missing}', which is no folder, seen from '{Path.cwd()}'. Give its "
+            f"whole path, or clear the variable: unset {WEIGHTS_VARIABLE}"
+        )
+    return folders
 
 
 def find_weights(

@@ -18,7 +18,10 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Generic, TypeVar, cast
 
+from packaging.utils import canonicalize_name
+
 from hpp_framework.errors import PluginError, UnknownNameError, unknown_name
+from hpp_framework.versions import installed
 
 T = TypeVar("T")
 
@@ -172,12 +175,26 @@ class Registry(Generic[T]):
 
     def _unknown(self, name: str) -> UnknownNameError:
         error = unknown_name(self.kind, name, self._entries)
-        if not self.broken:
-            return error
-        origins = ", ".join(plugin.origin for plugin in self.broken)
-        return UnknownNameError(
-            f"{error} It may belong to a plugin that could not be loaded: {origins}. 'hpp list' says why."
-        )
+        if self.broken:
+            origins = ", ".join(plugin.origin for plugin in self.broken)
+            return UnknownNameError(
+                f"{error} It may belong to a plugin that could not be loaded: {origins}. 'hpp list' says why."
+            )
+        distribution, slash, _ = name.partition("/")
+        if slash and self._brings_none(distribution):
+            return UnknownNameError(
+                f"{error} {distribution} is installed, but registers no {self.kind}: "
+                f"'hpp check {distribution}' says what it does register, or why it registers nothing."
+            )
+        return error
+
+    def _brings_none(self, distribution: str) -> bool:
+        """Return whether a distribution is installed and has nothing in this registry."""
+        if not distribution or installed((distribution,))[distribution] is None:
+            return False
+        wanted = canonicalize_name(distribution)
+        clashing = (entry for same in self._clashes.values() for entry in same)
+        return all(canonicalize_name(each.distribution) != wanted for each in (*self, *clashing))
 
 
 def _clash(kind: str, entries: Sequence[Entry[Any]]) -> str:

@@ -97,8 +97,16 @@ def _like(old: Any, value: Any, name: str, owner: str, *, may_be_none: bool) -> 
     if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not type(old) and not (may_be_none and None in (value, old)):
-        raise ConfigError(f"'{name}' of {owner} must be of the kind of {old!r}, got {value!r}.")
+        raise ConfigError(f"'{name}' of {owner} must be {_kind(old)}, got {value!r}.")
     return value
+
+
+def _kind(example: Any) -> str:
+    """Return in words what a value like an example is."""
+    if isinstance(example, bool):
+        return "true or false"
+    words = {int: "a whole number", float: "a number", str: "text"}
+    return f"{words.get(type(example), 'of the kind')} (like {example!r})"
 
 
 def _example(parameter: Parameter) -> Any:

@@ -63,5 +63,5 @@ pip install -c constraints/ci.txt torch
 pip install -c constraints/ci.txt -e '.[dev,docs,examples]'
 
 # sapien asks for opencv-python, whose cv2 folder overwrites that of opencv-python-headless and needs libGL
-pip uninstall --yes opencv-python opencv-python-headless
-pip install --no-deps -c constraints/ci.txt opencv-python-headless
+# (uninstalled, the next pip install of a plugin would bring it back)
+pip install --force-reinstall --no-deps -c constraints/ci.txt opencv-python-headless

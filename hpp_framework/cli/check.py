@@ -82,12 +82,15 @@ def _checked(console: Console, target: Target, choice: Choice, place: str) -> Ch
 
 
 def _print(console: Console, error: CheckError) -> None:
-    console.print(f"[yellow]--[/]  {escape(error.subject)}: {_count(len(error.findings))}")
+    # what to write is there to be copied, so no line is broken
+    console.print(f"[yellow]--[/]  {escape(error.subject)}: {_count(len(error.findings))}", soft_wrap=True)
     for finding in error.findings:
         rule = escape(f"[{finding.rule.name}]")
-        console.print(f"    [bold]{escape(finding.of)}[/] {escape(finding.what)} [dim]{rule}[/]")
-        console.print(f"      why: {escape(finding.rule.why)}")
-        console.print(f"      write: {escape(finding.rule.fix)}")
+        console.print(
+            f"    [bold]{escape(finding.of)}[/] {escape(finding.what)} [dim]{rule}[/]", soft_wrap=True
+        )
+        console.print(f"      why: {escape(finding.rule.why)}", soft_wrap=True)
+        console.print(f"      write: {escape(finding.rule.fix)}", soft_wrap=True)
 
 
 def _count(findings: int) -> str:

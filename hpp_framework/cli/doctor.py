@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,8 +15,14 @@ from hpp_framework.versions import installed
 
 PACKAGES = (
     "hpp-framework", "torch", "numpy", "gymnasium", "pettingzoo", "stable-baselines3", "warp-lang", "sapien",
-    "trimesh", "opencv-python-headless", "av",
+    "trimesh", "av",
 )  # fmt: skip
+OPENCV = ("opencv-python-headless", "opencv-python")
+"""Distributions that bring ``cv2``, into the same folder; the second draws windows and needs libGL."""
+HEADLESS = f"pip install --force-reinstall --no-deps {OPENCV[0]}"
+"""Puts the files without windows back and changes nothing else, so pip stays content."""
+COUNTED = ("robots", "skills", "tasks", "worlds", "planners", "predictors")
+"""Registries whose sizes are shown."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +45,10 @@ class Doctor:
         for check in (_python, _packages, _opencv, _plugins, _batch, _sapien, _pictures, _cuda, _weights):
             finding = _safely(check)
             mark = "[green]ok[/]  " if finding.fine else "[yellow]--[/]  "
-            console.print(f"{mark}{escape(finding.what)}: {escape(finding.detail)}")
+            # remedies are there to be copied, so no line is broken
+            console.print(f"{mark}{escape(finding.what)}: {escape(finding.detail)}", soft_wrap=True)
             if finding.remedy:
-                console.print(f"      {escape(finding.remedy)}")
+                console.print(f"      {escape(finding.remedy)}", soft_wrap=True)
 
 
 def _safely(check: Callable[[], Finding]) -> Finding:
@@ -63,32 +71,29 @@ def _packages() -> Finding:
 
 
 def _opencv() -> Finding:
-    import cv2
-
-    gui = (
-        "GUI:                           NONE" not in cv2.getBuildInformation()
-        and "QT" in cv2.getBuildInformation()
-    )
-    remedy = (
-        "pip uninstall -y opencv-python opencv-python-headless && pip install opencv-python-headless"
-        if gui
-        else ""
-    )
-    return Finding(
-        "opencv", f"{cv2.__version__}, {'with' if gui else 'without'} windows", fine=not gui, remedy=remedy
-    )
+    try:
+        import cv2
+    except ImportError as error:
+        return Finding("opencv", f"cannot be imported: {error}", fine=False, remedy=HEADLESS)
+    found = re.search(r"^\s*GUI:\s+(\S+)", cv2.getBuildInformation(), re.MULTILINE)
+    windows = found is not None and found[1] != "NONE"
+    detail = f"{cv2.__version__}, {'with' if windows else 'without'} windows"
+    if windows and None not in installed(OPENCV).values():
+        detail += f"; the files of {OPENCV[1]} lie over those of {OPENCV[0]}"
+        return Finding("opencv", detail, fine=False, remedy=HEADLESS)
+    return Finding("opencv", detail)
 
 
 def _plugins() -> Finding:
     from hpp_framework.registry import hub
 
     registries = hub().registries()
-    counts = [f"{sum(1 for _ in registry)} {name}" for name, registry in registries.items()]
+    counts = [f"{sum(1 for _ in registries[name])} {name}" for name in COUNTED]
     reasons = [plugin.reason for plugin in hub().broken]
     for registry in registries.values():
         for name in registry.clashes():
             reasons.append(registry.clash(name))
-    detail = ", ".join(counts[:6])
+    detail = ", ".join(counts)
     if reasons:
         detail += f"; {len(reasons)} {'problem' if len(reasons) == 1 else 'problems'}"
     return Finding("plugins", detail, fine=not reasons, remedy="\n      ".join(reasons))
@@ -146,8 +151,8 @@ def _cuda() -> Finding:
 
 
 def _weights() -> Finding:
-    from hpp_framework.registry import hub
+    from hpp_framework.checkpoints import weight_folders
 
-    files = [file for entry in hub().checkpoints for file in entry.factory()().glob("*/*.safetensors")]
+    files = [file for folder in weight_folders(()) for file in folder.glob("*/*.safetensors")]
     remedy = "" if files else "Train predictors: hpp collect, then hpp train predictor."
-    return Finding("shipped weights", f"{len(files)} files", fine=bool(files), remedy=remedy)
+    return Finding("weights", f"{len(files)} files", fine=bool(files), remedy=remedy)

@@ -14,7 +14,7 @@ from rich.table import Table
 from hpp_framework.cli.options import Noise, names
 from hpp_framework.cli.progress import cell_bars
 
-TABLE_WIDTH = 120
+TABLE_WIDTH = 140
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,11 @@ def skill_table(summary: list[dict[str, Any]]) -> Table:
         "skill", "world", "success", "95 %", "clean", "collided", "froze", "SPL", "95 %",
         "time s", "/ bound", "trusted bins",
     ):  # fmt: skip
-        table.add_column(column, justify="left" if column in ("skill", "world") else "right")
+        if column in ("skill", "world"):
+            # a name that is too long goes on in a second line, so that it can be read
+            table.add_column(column, overflow="fold")
+        else:
+            table.add_column(column, justify="right", no_wrap=True)
     for row in summary:
         score = row["summary"]
         trusted = sum(each["trusted"] for each in row["bins"])

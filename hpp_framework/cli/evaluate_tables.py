@@ -69,7 +69,7 @@ def blame_table(blame: Sequence[Row]) -> Table:
 def _table(*left: str, right: Sequence[str]) -> Table:
     table = Table(box=None)
     for column in left:
-        table.add_column(escape(column))
+        table.add_column(escape(column), overflow="fold")
     for column in right:
         table.add_column(column, justify="right")
     return table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -62,14 +63,29 @@ class Onboard:
         card = onboard(onboarding, out, workers=workers, bars=cell_bars, say=print)
         print(f"\n{card.read_text(encoding='utf-8')}")
         print(f"card:    {card}\nweights: {out / WEIGHTS}")
-        print(_what_next(out / WEIGHTS))
+        print(_what_next(out / WEIGHTS, _own_folder(self.name)))
 
 
-def _what_next(weights: Path) -> str:
+def _own_folder(newcomer: str) -> Path | None:
+    """Return the one folder of weights that the newcomer's package registers; None if there is none such."""
+    from hpp_framework.registry import hub
+
+    registry = hub().robots if newcomer in hub().robots else hub().skills
+    package = registry.entry(newcomer).distribution
+    own = [entry for entry in hub().checkpoints if package and entry.distribution == package]
+    return own[0].factory()() if len(own) == 1 else None
+
+
+def _what_next(weights: Path, own: Path | None) -> str:
+    here = Path.cwd()
+    if own is None:
+        into, target = "a folder that your package registers (hub.checkpoints)", "MY_PKG/weights"
+    else:
+        into = "the folder that your package registers"
+        target = shlex.quote(str(own.relative_to(here) if own.is_relative_to(here) else own))
     return (
-        "To use them, copy them into a folder that your package registers (hub.checkpoints; packages of "
-        "'hpp new' have it):\n"
-        f"  cp -r {weights}/. MY_PKG/weights/\n"
+        f"To use them, copy them into {into}:\n"
+        f"  cp -r {shlex.quote(str(weights))}/. {target}/\n"
         f"or name them for a while:\n"
-        f"  export HPP_WEIGHTS={weights.absolute()}"
+        f"  export HPP_WEIGHTS={shlex.quote(str(weights.absolute()))}"
     )

@@ -86,6 +86,7 @@ def to_rows(
 
 def _rpl(time: float, bound: float) -> float:
     """Return success weighted by bound over time (like SPL, Anderson et al. 2018), NaN without a bound."""
-    if math.isnan(time):
-        return 0.0
-    return math.nan if math.isnan(bound) else bound / max(time, bound)
+    # a failure without a bound must be NaN too: the mean over a cell would be that of the failures alone
+    if math.isnan(bound):
+        return math.nan
+    return 0.0 if math.isnan(time) else bound / max(time, bound)

@@ -6,8 +6,12 @@ import keyword
 import re
 import sys
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from importlib.util import find_spec
 
+from packaging.utils import canonicalize_name
+
+from hpp_framework.discovery import FRAMEWORK, PLUGIN_GROUP
 from hpp_framework.errors import ConfigError
 
 RESERVED = ("plugin", "tests")
@@ -65,11 +69,23 @@ def parse_name(text: str, default: str) -> Name:
     if module in sys.stdlib_module_names or find_spec(module) is not None:
         raise ConfigError(
             f"the package '{name.package}' would be imported as '{module}', and a module of that name is "
-            "installed already. Choose another name."
+            f"installed already. {_remedy(name)}"
         )
     if name.thing_module in RESERVED:
         raise ConfigError(f"'{name.thing}' is the name of a module that every package has. Choose another.")
     return name
+
+
+def _remedy(name: Name) -> str:
+    """Return what to do about a taken package name; a plugin of one's own can be added to, or removed."""
+    plugins = {canonicalize_name(each.dist.name) for each in entry_points(group=PLUGIN_GROUP) if each.dist}
+    if name.package == FRAMEWORK or name.package not in plugins:
+        return "Choose another name."
+    return (
+        f"Choose another name, or uninstall it: pip uninstall {name.package}. To add '{name.thing}' to that "
+        f"package, write a module beside its others and one line into its plugin.py: "
+        f'hub.KIND.add("{name.thing}", "{name.package_module}.{name.thing_module}:{name.thing_module}")'
+    )
 
 
 def _normal(part: str, text: str) -> str:

@@ -100,6 +100,7 @@ def _open(onboarding: Onboarding, out: Path) -> None:
 @contextmanager
 def _own_weights(folder: Path) -> Generator[None]:
     """Let everything in this context, and the workers it starts, find the weights of a folder first."""
+    folder.mkdir(parents=True, exist_ok=True)
     before = os.environ.get(WEIGHTS_VARIABLE)
     os.environ[WEIGHTS_VARIABLE] = os.pathsep.join(filter(None, (str(folder.absolute()), before)))
     try:

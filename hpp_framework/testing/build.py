@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import inspect
+import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from hpp_framework.errors import CheckpointError, PluginError
+from hpp_framework.errors import CheckpointError, ConfigError, PluginError
 from hpp_framework.registry import hub
 from hpp_framework.testing.report import Report, Rule, describe
 
 IMPORT = Rule(
     name="import",
     why="the name is listed, but whoever uses it gets an error.",
-    fix='a source "package.module:factory" that exists: hub.skills.add("name", "my_package.skill:load").',
+    fix='a source "package.module:factory" that exists: hub.KIND.add("name", "my_package.module:factory").',
 )
 SIGNATURE = Rule(
     name="signature",
@@ -46,6 +48,8 @@ SHARED = Rule(
     "to another.",
     fix="a factory that builds a new object at each call; keep nothing but constants in the module.",
 )
+REFUSED = replace(BUILD, fix="a value that it accepts.")
+"""For a module that builds something when it is imported, from a value that the framework refuses."""
 RULES = (IMPORT, SIGNATURE, BUILD, WEIGHTS, KIND, SHARED)
 
 
@@ -86,7 +90,7 @@ def find_source(kind: str, given: Any, expected: type) -> tuple[Source, Report]:
         try:
             factory = entry.factory()
         except PluginError as error:
-            report.add(IMPORT, "the registered source", f"cannot be imported: {error}")
+            not_imported(report, f"{kind}s", error)
             report.finish()
             raise
         return Source(report.subject, factory, None, entry.distribution, entry.name), report
@@ -99,6 +103,28 @@ def find_source(kind: str, given: Any, expected: type) -> tuple[Source, Report]:
         report.add(KIND, "the object", f"is {given!r}, neither a {expected.__name__} nor a factory of one.")
         report.finish()
     return Source(subject, given), Report(subject)
+
+
+def not_imported(report: Report, registry: str, error: PluginError) -> None:
+    """Add why a registered source cannot be imported.
+
+    Args:
+        report: of the check.
+        registry: attribute name of the registry, e.g. ``"robots"``.
+        error: of the entry's factory.
+    """
+    refused = error.__cause__
+    if isinstance(refused, ConfigError):
+        report.add(REFUSED, "the module", f"gives a value that is refused: {refused}{_where(refused)}")
+        return
+    rule = replace(IMPORT, fix=IMPORT.fix.replace("KIND", registry))
+    report.add(rule, "the registered source", f"cannot be imported: {error}")
+
+
+def _where(error: BaseException) -> str:
+    """Return the line of a module that led to an error when it was imported, if there is one."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.name == "<module>"]
+    return f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
 
 
 def build(

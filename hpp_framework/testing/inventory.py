@@ -11,10 +11,10 @@ from typing import Any
 
 from packaging.utils import canonicalize_name
 
-from hpp_framework.errors import UnknownNameError, unknown_name
+from hpp_framework.errors import PluginError, UnknownNameError, unknown_name
 from hpp_framework.registry import BrokenPlugin, Entry, Hub, hub
 from hpp_framework.team import parse_team
-from hpp_framework.testing.build import IMPORT
+from hpp_framework.testing.build import IMPORT, not_imported
 from hpp_framework.testing.planner import check_planner
 from hpp_framework.testing.predictor import check_predictor
 from hpp_framework.testing.report import RAISES, CheckError, Finding, Report, Rule, describe
@@ -128,9 +128,10 @@ def _nothing(name: str, everything: list[Target]) -> list[Target]:
     except (PackageNotFoundError, ValueError):
         known = {t.entry.name for t in everything} | {t.entry.distribution for t in everything} - {""}
         raise unknown_name("distribution or registered thing", name, known) from None
+    module = canonicalize_name(name).replace("-", "_")
     raise UnknownNameError(
         f"{name} {found} is installed, but registers nothing. Its pyproject.toml needs\n"
-        f'[project.entry-points."hpp_framework.plugins"]\nmy_package = "my_package.plugin:register"\n'
+        f'[project.entry-points."hpp_framework.plugins"]\n{module} = "{module}.plugin:register"\n'
         "and has to be installed again after that line is added."
     )
 
@@ -183,8 +184,13 @@ def _checks(choice: Choice) -> dict[str, Callable[[str], None]]:
 def _check_source(target: Target) -> None:
     """Check what has no check of its own: that it can be imported, and that a folder of weights is one."""
     report = Report(target.subject)
-    with report.guarded("the registered source", rule=IMPORT):
+    try:
         factory = target.entry.factory()
+    except PluginError as error:
+        not_imported(report, target.kind, error)
+        report.finish()
+        raise
+    with report.guarded("the registered source", rule=IMPORT):
         report.require(callable(factory), IMPORT, "the registered source", f"is {factory!r}, not a function.")
         if target.kind == "checkpoints":
             _check_folder(report, factory())

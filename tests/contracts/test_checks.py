@@ -95,6 +95,7 @@ def test_findings_are_printed_and_end_with_1(printed, register):
     [
         ("check pure-pursuitt", "no distribution or registered thing called 'pure-pursuitt'. Did you mean"),
         ("check pytest", "is installed, but registers nothing. Its pyproject.toml needs"),
+        ("check hypothesis", '\nhypothesis = "hypothesis.plugin:register"\n'.replace("\n", " ")),
         ("check p2p --robot fetsh", "Did you mean 'fetch'?"),
         ("check hpp --team fetch,,", "empty entry"),
     ],
@@ -117,6 +118,31 @@ def test_a_source_that_cannot_be_imported_is_a_finding(register):
         CheckError, match="cannot be imported: 'test-ghost' from this process could not be loaded"
     ):
         check_robot("test-ghost")
+
+
+@pytest.mark.parametrize("kind", ["robots", "tasks", "checkpoints"])
+def test_the_remedy_for_a_source_names_its_own_registry(kind, register):
+    register(kind, "test-ghost", "no_such_package.rover:rover")
+    with pytest.raises(CheckError) as error:
+        check_target(find_targets("test-ghost")[0][0])
+    (finding,) = error.value.findings
+    assert finding.rule.name == "import"
+    assert f'hub.{kind}.add("name", "my_package.module:factory")' in str(finding)
+
+
+def test_a_value_that_is_refused_at_import_is_named_with_its_line(register, tmp_path, monkeypatch):
+    number = "\n\nLIMITS = DriveLimits(speed=(0, 1), turn_rate=-2.0, acceleration=1, turn_acceleration=1)\n"
+    (tmp_path / "test_odd_rover.py").write_text(f"from hpp_framework.robot import DriveLimits{number}")
+    monkeypatch.syspath_prepend(tmp_path)
+    register("robots", "test-odd", "test_odd_rover:rover")
+    with pytest.raises(CheckError) as error:
+        check_robot("test-odd")
+    (finding,) = error.value.findings
+    assert finding.rule.name == "build"
+    assert finding.what == (
+        "gives a value that is refused: turn_rate must be a positive number, got -2.0. (test_odd_rover.py:3)"
+    )
+    assert finding.rule.fix == "a value that it accepts."
 
 
 def test_an_error_that_no_check_foresaw_does_not_stop_the_others(printed, register, monkeypatch):

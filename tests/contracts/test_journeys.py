@@ -91,6 +91,17 @@ def test_every_command_is_understood(name, monkeypatch):
     assert script(PAGES / f"{name}.md")
 
 
+def test_every_journey_writes_packages_of_its_own():
+    """So that whoever goes through all of them never meets a name that is taken."""
+    written = [
+        line.split()[2].partition("/")[0]
+        for name in JOURNEYS
+        for line in dict.fromkeys(commands(PAGES / f"{name}.md"))
+        if line.startswith("new ") and "--answers" not in line
+    ]
+    assert len(set(written)) == len(written) >= 3
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("name", JOURNEYS)
@@ -109,21 +120,21 @@ def test_a_journey_ends_well(name, environment, tmp_path):
 
 
 def task_ends(folder, said):
-    assert (folder / "my-pkg/out/door/distance.png").is_file()
+    assert (folder / "my-task/out/door/distance.png").is_file()
     assert " checked, all fine" in said
 
 
 def skill_ends(folder, said):
-    assert (folder / "my-pkg/my_pkg/weights/far-sighted/other-freight-freight.safetensors").is_file()
-    assert (folder / "my-pkg/out/own/summary.json").is_file()
-    assert (folder / "my-pkg/out/shy/summary.json").is_file()
+    assert (folder / "my-skill/my_skill/weights/far-sighted/other-freight-freight.safetensors").is_file()
+    assert (folder / "my-skill/out/own/summary.json").is_file()
+    assert (folder / "my-skill/out/shy/summary.json").is_file()
 
 
 def robot_ends(folder, said):
     assert "  acceleration:  # highest acceleration" in said
-    assert (folder / "my-pkg/my_pkg/weights/p2p/rover.safetensors").is_file()
-    assert (folder / "my-pkg/out/together/summary.json").is_file()
-    assert "# Robot `my-pkg/rover`" in said
+    assert (folder / "my-robot/my_robot/weights/p2p/rover.safetensors").is_file()
+    assert (folder / "my-robot/out/together/summary.json").is_file()
+    assert "# Robot `my-robot/rover`" in said
 
 
 END = {"task": task_ends, "skill": skill_ends, "robot": robot_ends}

@@ -96,11 +96,19 @@ def test_every_package_passes_its_own_tests(written, site):
         (".pkg", "'.pkg' is no usable name"),
         ("numpy/door", "would be imported as 'numpy', and a module of that name is installed already"),
         ("json", "would be imported as 'json', and a module of that name is installed already"),
+        ("hpp-framework", "and a module of that name is installed already. Choose another name."),
         ("my-pkg/plugin", "'plugin' is the name of a module that every package has"),
     ],
 )
 def test_names_that_cannot_be_used_are_refused(refused, name, message):
     refused(f"new task {name}", [message])
+
+
+def test_a_package_of_ones_own_that_is_installed_can_be_added_to_or_removed(site):
+    done = python(site, "-c", "from hpp_framework.cli.main import main; main(['new', 'skill', 'lab-a/shy'])")
+    assert done.returncode == 2
+    assert "Choose another name, or uninstall it: pip uninstall lab-a." in done.stderr
+    assert 'into its plugin.py: hub.KIND.add("shy", "lab_a.shy:shy")' in done.stderr
 
 
 def test_a_folder_that_is_there_is_left_alone(tmp_path, capsys):

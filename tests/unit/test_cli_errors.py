@@ -12,6 +12,7 @@ from rich.console import Console
 
 from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
 from hpp_framework.cli.evaluate import Evaluate
+from hpp_framework.cli.evaluate_skill import TABLE_WIDTH, skill_table
 from hpp_framework.cli.evaluate_tables import blame_table, comparison_table, summary_table
 from hpp_framework.cli.main import main
 from hpp_framework.cli.run import Run
@@ -49,6 +50,8 @@ MISTAKES = [
     ("collect --team fetch --world trainin", ["'training'"]),
     ("train skill p3p --robot fetch", ["'p2p'"]),
     ("train skill p2p --robot fletch", ["'fetch'"]),
+    ("train skill p2p --robot fetch --init frieght", ["weights file or robot", "'frieght'", "'freight'"]),
+    ("train skill p2p --robot fetch --init frieght.safetensors", ["'frieght.safetensors' does not exist"]),
     ("train skill p2p --robot fetch --steps 0", ["--steps must be at least 1"]),
     ("train predictor delta-pose --data {empty}", ["'delta-pose-lidar'"]),
     ("train predictor delta-pose-lidar --data {empty}", ["not a data set", "hpp collect"]),
@@ -158,6 +161,28 @@ def test_messages_are_not_markup(capsys):
     assert "[red]room[/].yaml" in capsys.readouterr().out
     assert "[red]room[/].yaml" in shown
     assert "[bold]p" in shown
+
+
+def test_long_names_of_skills_are_shown_whole(capsys):
+    score = {
+        "success": 0.975, "success_low": 0.871, "success_high": 0.996, "clean": 0.9, "collision": 0.1,
+        "freeze": 0.0, "spl": 0.9, "spl_low": 0.8, "spl_high": 0.95, "time_median_s": 12.3,
+        "time_ratio_median": 1.1,
+    }  # fmt: skip
+    about = {
+        "robot": "freight", "world": "training", "episodes": 40, "backend": "batch", "seed": 0,
+        "draw": "even", "clearance": 0.05, "goal_distance": (1.0, 15.0), "summary": score,
+        "bins": [{"trusted": False}] * 12,
+    }  # fmt: skip
+    rows = [
+        {**about, "skill": "my-skill/cautious"},
+        {**about, "skill": "a-package-of-long-names/" + "x" * 30},
+    ]
+    Console(width=TABLE_WIDTH).print(skill_table(rows))
+    shown = capsys.readouterr().out
+    assert "my-skill/cautious" in shown
+    assert "trusted bins" in shown
+    assert "…" not in shown
 
 
 def test_the_installed_command_prints_no_traceback():

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 
 import numpy as np
 import pytest
 import torch
+from rich.console import Console
 
+from hpp_framework.cli.evaluate_tables import aggregate_table, summary_table
 from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_experiment
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
+from hpp_framework.evaluation.rows import to_rows
+from hpp_framework.evaluation.summary import Results, summarise
 from hpp_framework.registry import hub
 from hpp_framework.sim.batch import BatchSimulator
 from hpp_framework.team import parse_team
@@ -95,6 +100,33 @@ def test_results_are_written_for_marl_eval(tmp_path):
         for metric in ("success", "rpl"):
             values = [run["absolute_metrics"][metric] for run in runs.values()]
             assert np.mean(values) == pytest.approx(cell[metric], abs=1e-4)
+
+
+def test_without_a_bound_nothing_is_said_of_rpl_not_even_of_failures():
+    team = parse_team("fetch,freight")
+    task = hub().tasks.create("rendezvous", team.robots)
+    world, start = draw_episode(SMALL, "simple", resolve_world("simple"), 0)
+    # one step is too short to meet
+    episodes = run_episodes(
+        BatchSimulator(team.robots), [world], torch.from_numpy(start).float()[None],
+        build_agents(team, "centralized-mp", task), task, steps=1,
+    )  # fmt: skip
+    rows = [
+        *to_rows("simple", "centralized-mp", [0], episodes, np.array([np.nan])),
+        *to_rows("wall", "centralized-mp", [0], episodes, np.array([4.0])),
+    ]
+    assert [row.success for row in rows] == [0, 0]
+    assert np.isnan(rows[0].rpl)
+    assert rows[1].rpl == 0.0
+    summary = summarise(
+        Results(worlds=("simple", "wall"), planners=("centralized-mp",), rows=rows, about={}, preset="best")
+    )
+    assert [cell["rpl"] for cell in summary["cells"]] == [None, 0.0]
+    console = Console(width=200, file=io.StringIO())
+    console.print(summary_table(summary["cells"]), aggregate_table(summary["aggregates"]))
+    shown = console.file.getvalue()
+    assert "None" not in shown
+    assert "nan" not in shown
 
 
 def test_episodes_are_paired_across_planners():

@@ -20,6 +20,7 @@ from hpp_framework.checkpoints import (
     save_checkpoint,
     weight_folders,
 )
+from hpp_framework.cli.onboard import _own_folder, _what_next
 from hpp_framework.errors import CheckpointError, ConfigError
 from hpp_framework.onboarding import run as onboarding_run
 from hpp_framework.onboarding.card import write_card
@@ -31,6 +32,7 @@ from hpp_framework.prediction.collect import Collection, collect
 from hpp_framework.prediction.dataset import TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, find_model
 from hpp_framework.predictor import PredictorRequest
+from hpp_framework.registry import Hub, Registry
 from hpp_framework.team import parse_team
 
 SMOKE = SCALES["smoke"]
@@ -224,10 +226,39 @@ def test_missing_models_name_the_command_that_makes_them():
     assert "--set predictor=empty-world" in str(caught.value)
 
 
+def test_what_to_do_with_the_weights_names_the_folder_of_the_package(tmp_path, monkeypatch):
+    folder = tmp_path / "my_robot" / "weights"
+    checkpoints = Registry("checkpoint folder")
+    robots = Registry("robot")
+    for registry in (robots, checkpoints):
+        registry.set_origin("my-robot 0.1")
+    robots.add("rover", lambda: None)
+    checkpoints.add("my_robot", lambda: folder)
+    checkpoints.set_origin("other 1.0")
+    checkpoints.add("other", lambda: tmp_path)
+    monkeypatch.setattr("hpp_framework.registry.hub", lambda: Hub(robots=robots, checkpoints=checkpoints))
+    assert _own_folder("rover") == folder
+    weights = Path("runs") / "rover" / "weights"
+    assert f"cp -r runs/rover/weights/. {folder}/\n" in _what_next(weights, folder)
+    monkeypatch.chdir(tmp_path)
+    said = _what_next(weights, folder)
+    assert "cp -r runs/rover/weights/. my_robot/weights/\n" in said
+    assert f"HPP_WEIGHTS={tmp_path}/runs/rover/weights" in said
+    assert "MY_PKG/weights/" in _what_next(weights, None)
+
+
 def test_folders_of_the_environment_come_before_those_of_plugins(tmp_path, monkeypatch):
     one, other = tmp_path / "one", tmp_path / "other"
+    one.mkdir()
+    other.mkdir()
     monkeypatch.setenv(WEIGHTS_VARIABLE, f"{one}{os.pathsep}{other}")
     assert weight_folders((tmp_path,))[:3] == [tmp_path, one, other]
+
+
+def test_a_folder_of_the_environment_that_does_not_exist_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv(WEIGHTS_VARIABLE, f"{tmp_path}{os.pathsep}{tmp_path / 'nowhere'}")
+    with pytest.raises(CheckpointError, match="HPP_WEIGHTS names '.*nowhere', which is no folder"):
+        weight_folders(())
 
 
 def test_every_robot_learns_from_scans_as_wide_as_its_own(register, freight, tmp_path):

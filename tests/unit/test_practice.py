@@ -136,8 +136,10 @@ def test_a_recipe_takes_settings_by_dotted_name():
         ({"rewards": 1.0}, "'rewards' is unknown. Did you mean 'reward'"),
         ({"reward": 1.0}, "names no single setting"),
         ({"reward.touch.more": 1.0}, "names no single setting"),
-        ({"network.hidden": 64.5}, "must be of the kind of 128, got 64.5"),
-        ({"rooms.world": 3}, "must be of the kind of 'mixed', got 3"),
+        ({"network.hidden": 64.5}, r"must be a whole number \(like 128\), got 64.5"),
+        ({"network.hidden": "eight"}, r"must be a whole number \(like 128\), got 'eight'"),
+        ({"reward.touch": "much"}, r"must be a number \(like -\d.*\), got 'much'"),
+        ({"rooms.world": 3}, r"must be text \(like 'mixed'\), got 3"),
         ({"network.scan": "rnn"}, "scan must be 'conv' or 'dense', got 'rnn'"),
     ],
 )

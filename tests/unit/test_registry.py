@@ -39,6 +39,31 @@ def test_unknown_name_suggests(robots):
     assert "fetch" in robots
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("pytest/door", "pytest is installed, but registers no robot: 'hpp check pytest' says what"),
+        ("no-such-package/door", None),
+        ("own-plugin/door", None),
+        ("/door", None),
+        ("pytest", None),
+    ],
+)
+def test_an_installed_package_that_registers_none_of_the_kind_is_named(robots, name, hint, monkeypatch):
+    versions = {"pytest": "9.0", "own-plugin": "1.0"}
+    monkeypatch.setattr(
+        "hpp_framework.registry.installed", lambda names: {each: versions.get(each) for each in names}
+    )
+    robots.set_origin("own-plugin 1.0")
+    robots.add("rover", list)
+    with pytest.raises(UnknownNameError) as error:
+        robots.create(name)
+    if hint is None:
+        assert "installed" not in str(error.value)
+    else:
+        assert hint in str(error.value)
+
+
 def test_duplicate_names_both_origins(robots):
     robots.set_origin("first-plugin 1.0")
     robots.add("rover", list)

@@ -11,6 +11,8 @@ import trimesh
 
 from hpp_framework.cli.main import main
 from hpp_framework.errors import ConfigError
+from hpp_framework.onboarding.names import Name
+from hpp_framework.onboarding.urdf.module import module_of_urdf
 from hpp_framework.onboarding.urdf.robot import robot_from_urdf
 from hpp_framework.testing import check_robot
 
@@ -189,6 +191,36 @@ TILTED = LIDAR.replace('rpy="0 0 0.1"', 'rpy="0 0.5 0"')
 def test_what_cannot_be_read_is_said(tmp_path, parts, answers, message):
     with pytest.raises(ConfigError, match=message):
         robot_from_urdf(write(tmp_path, *parts), "cart", answers)
+
+
+@pytest.mark.parametrize(
+    ("number", "message"),
+    [
+        ("field_of_view: 220", "field_of_view must lie in (0, 2*pi] radians, got 220"),
+        ("max_range: 10000", "[units] lidar.max_range is 10000, more than any robot's (400)"),
+        ("mass: 0", "mass must be a positive number, got 0"),
+        ("beams: 1", "a lidar needs at least 2 beams, got 1"),
+    ],
+)
+def test_nothing_is_written_of_a_robot_that_cannot_be(cart, tmp_path, capsys, number, message):
+    answers = tmp_path / "cart.yaml"
+    answers.write_text("\n".join([*(f"{name}: {value}" for name, value in ANSWERS.items()), number]))
+    with pytest.raises(SystemExit) as stop:
+        main(f"new robot my-lab/cart --urdf {cart} --answers {answers} --out {tmp_path}".split())
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "my-lab").exists()
+
+
+def test_answers_that_are_not_there_are_named(cart, tmp_path):
+    nowhere = tmp_path / "nowhere.yaml"
+    with pytest.raises(ConfigError, match="cannot read the answers in '.*nowhere.yaml': No such file or dir"):
+        module_of_urdf(Name("my-lab", "cart"), cart, nowhere)
+
+
+def test_a_whole_turn_may_be_rounded_up(cart):
+    robot = robot_from_urdf(cart, "cart", {**ANSWERS, "field_of_view": 6.284, "profile_radius": 0.01})
+    assert robot.lidar.field_of_view == 2 * math.pi
 
 
 def test_a_package_holds_the_numbers_and_their_sources(cart, tmp_path, capsys):

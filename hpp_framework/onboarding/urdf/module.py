@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from hpp_framework.errors import ConfigError
 from hpp_framework.onboarding.names import Name
 from hpp_framework.onboarding.urdf.reading import Reading
 from hpp_framework.onboarding.urdf.robot import read_answers, read_robot
 from hpp_framework.robot import Part, RobotSpec
+from hpp_framework.testing.report import CheckError
+from hpp_framework.testing.robot import check_robot
 
 HEAD = '''"""A robot whose numbers were read off {file}; where each came from stands beside it."""
 
@@ -22,9 +25,18 @@ def module_of_urdf(name: Name, file: Path, answers: Path | None) -> dict[str, st
     """Return the module of a robot of a URDF, by its path in the package of that name.
 
     Raises:
-        ConfigError: see :func:`~hpp_framework.onboarding.urdf.robot.robot_from_urdf`.
+        ConfigError: see :func:`~hpp_framework.onboarding.urdf.robot.robot_from_urdf`; also if there can be no
+            such robot.
     """
     spec, reading = read_robot(file, name.thing, read_answers(answers) if answers else None)
+    try:
+        check_robot(spec)
+    except CheckError as error:
+        found = "\n".join(f"  {finding}" for finding in error.findings)
+        raise ConfigError(
+            f"there can be no such robot as '{file}' and the answers describe; nothing was written.\n"
+            f"{found}\nAn answer (--answers FILE) goes before what the file says."
+        ) from error
     path = f"{name.package_module}/{name.thing_module}.py"
     return {path: robot_module(spec, reading, factory=name.thing_module, file=file.name)}
 

@@ -33,6 +33,8 @@ ANSWERS = (
     "lidar_x", "lidar_y", "lidar_yaw", "lidar_height",
 )  # fmt: skip
 """Numbers that may be answered; an answer goes before what the file says."""
+ROUNDING = 0.01
+"""Radians by which a whole turn in a file may be too large."""
 COLORS = {"wheel": (0.05, 0.05, 0.05), "lidar": (0.10, 0.10, 0.12), "other": (0.45, 0.47, 0.50)}
 
 
@@ -92,7 +94,9 @@ def read_answers(file: Path) -> dict[str, Any]:
     """
     try:
         found = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except OSError as error:
+        raise ConfigError(f"cannot read the answers in '{file}': {error.strerror}.") from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(f"cannot read the answers in '{file}': {error}.") from error
     if not isinstance(found, dict):
         raise ConfigError(f"'{file}' must hold lines of 'name: value', e.g. 'acceleration: 0.5'.")
@@ -140,7 +144,7 @@ def _robot(name: str, file: Path, reading: Reading, parts: tuple[Part, ...]) -> 
         ),
         lidar=Lidar(
             beams=round(value["beams"]),
-            field_of_view=min(value["field_of_view"], 2 * math.pi),
+            field_of_view=_rounded_down(value["field_of_view"]),
             mount=(value["lidar_x"], value["lidar_y"], value["lidar_yaw"]),
             height=value["lidar_height"],
             min_range=value["min_range"],
@@ -156,6 +160,11 @@ def _robot(name: str, file: Path, reading: Reading, parts: tuple[Part, ...]) -> 
             f"{file.name}: {key} {value[key]:g}, {where}" for key, where in reading.sources.items()
         ),
     )
+
+
+def _rounded_down(field_of_view: float) -> float:
+    """Return a whole turn for what is one but for rounding; everything else as it is."""
+    return 2 * math.pi if 0 < field_of_view - 2 * math.pi < ROUNDING else field_of_view
 
 
 def parts_of(model: Model, wheels: Wheels, lidar_link: str) -> tuple[Part, ...]:

@@ -14,6 +14,7 @@ from stable_baselines3 import PPO
 
 from hpp_framework.checkpoints import file_digest, load_checkpoint, load_into, portable, save_checkpoint
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
+from hpp_framework.errors import unknown_name
 from hpp_framework.evaluation.competence import competence_card
 from hpp_framework.evaluation.skill import evaluate_skill, skill_episodes
 from hpp_framework.evaluation.skill_score import SkillRow
@@ -46,6 +47,7 @@ def train(config: SkillTraining) -> Path:
     Raises:
         ConfigError: if the snapshot in ``config.out`` is damaged or of another training, or a setting wrong.
         CheckpointError: if the weights to start from do not fit, or nothing can be written.
+        UnknownNameError: if there are none of the name.
     """
     torch.set_num_threads(config.threads)
     robot: RobotSpec = hub().robots.create(config.robot)
@@ -162,9 +164,19 @@ def export(model: PPO, robot: RobotSpec, shape: NetworkShape) -> PolicyNetwork:
 
 
 def _weights(init: Path) -> Path:
-    """Return the file to start from: itself, or that of the robot it names."""
-    named = str(init) in hub().robots and not init.is_file()
-    return find(hub().robots.create(str(init))) if named else init
+    """Return the file to start from: itself, or that of the robot it names.
+
+    Raises:
+        UnknownNameError: if it is neither, and does not look like a file.
+    """
+    robots = hub().robots
+    if init.is_file():
+        return init
+    if str(init) in robots:
+        return find(robots.create(str(init)))
+    if not init.suffix:
+        raise unknown_name("weights file or robot", str(init), (entry.name for entry in robots))
+    return init
 
 
 def _initial(file: Path, robot: RobotSpec, recipe: Recipe) -> Callable[[PPO], None]:
