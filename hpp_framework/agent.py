@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.docking import Docking, parks
+from hpp_framework.docking import Docking, docks
 from hpp_framework.guard import Guard
 from hpp_framework.guide import Guide
 from hpp_framework.halting import Halting
@@ -85,15 +85,15 @@ def make_agent(
         agent_rng(planner, seed, index),
         own_guard if guard else None,
         Guide(robot) if (planner.guided if guide is None else guide) else None,
-        Docking(robots, index, own_guard, task) if _parks(task, planner, len(robots)) else None,
+        Docking(robots, index, own_guard, task) if _docks(task, planner, len(robots)) else None,
     )
 
 
-def _parks(task: Task, planner: MetaPlanner, robots: int) -> bool:
+def _docks(task: Task, planner: MetaPlanner, robots: int) -> bool:
     """Return whether an agent drives to a spot of its own in a gathering."""
     if planner.heedless or not planner.rests or isinstance(planner, Policy):
         return False
-    return parks(task, robots)
+    return docks(task, robots)
 
 
 class Agent:

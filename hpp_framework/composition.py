@@ -11,7 +11,7 @@ from torch import Tensor
 
 from hpp_framework.errors import ConfigError
 from hpp_framework.requirement import AllOf, Requirement
-from hpp_framework.task import Task, relative_speed
+from hpp_framework.task import Settling, Task, relative_speed
 from hpp_framework.term import Term
 
 REST_SPEED = 0.1
@@ -126,6 +126,20 @@ class ComposedTask(Task):
             if places is not None:
                 return places
         return None
+
+    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
+        """Return what the first term that settles says."""
+        term = self._settles(poses)
+        return None if term is None else term.settling(poses)
+
+    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
+        """Return what the first term that settles says."""
+        term = self._settles(poses)
+        return super().stances(middle, poses) if term is None else term.stances(middle, poses)
+
+    def _settles(self, poses: Float[Tensor, "b n 3"]) -> Term | None:
+        terms = (each.term for each in (*self.rewards, *self.success))
+        return next((term for term in terms if term.settling(poses) is not None), None)
 
     def requirement(self) -> Requirement | None:
         """Return what all conditions require."""

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.geometry import polar, to_frame
+from hpp_framework.geometry import polar, to_frame, wrap_angle
 from hpp_framework.guard import Guard
 from hpp_framework.halting import Halting
 from hpp_framework.robot import RobotSpec
@@ -27,10 +27,6 @@ from hpp_framework.types import Observation
 
 NEAR = 1.5
 """Metres from its spot within which a robot docks."""
-GATHER = 2.0
-"""Metres beyond the radius of a gathering within which all robots gather around their middle."""
-ROOM = 0.1
-"""Metres that the middle of a gathering is kept from things that stand still, beyond the radius."""
 LOOKS = 8
 """Times that the middle is moved off the nearest of them."""
 ASTRAY = 1.0
@@ -84,46 +80,50 @@ class Docking:
         room = self._room(observation)
         slow = _stoppable(room, self.robot.drive.acceleration)
         command = torch.stack([command[:, 0].minimum(slow), command[:, 1]], -1)
-        spot, near = self.spot_among(observation, spot)
+        stance, near = self.stance_among(observation, spot)
         if not bool(near.any()):
             return command
-        wanted = self._straight(observation, spot, room)
+        wanted = self._straight(observation, stance, room)
         allowed = self.guard(observation, wanted)
-        free = ((allowed - wanted).abs() < CHANGED).all(-1) & ~self._blocked(observation, spot)
+        free = ((allowed - wanted).abs() < CHANGED).all(-1) & ~self._blocked(observation, stance[:, :2])
         return torch.where((near & free)[:, None], wanted, command)
 
-    def spot_among(
+    def stance_among(
         self, observation: Observation, spot: Float[Tensor, "b 2"]
-    ) -> tuple[Float[Tensor, "b 2"], Bool[Tensor, "b"]]:
-        """Return where the robot docks, and where it docks: near its spot, or where all gather."""
-        poses, reach = observation.team_poses, self.task.radius
+    ) -> tuple[Float[Tensor, "b 3"], Bool[Tensor, "b"]]:
+        """Return where the robot docks, looking where (NaN: anywhere), and whether it does.
+
+        It docks near its spot, and where its team settles and it sees that its way there is free.
+        """
+        poses = observation.team_poses
+        stance = torch.cat([spot, torch.full_like(spot[:, :1], torch.nan)], -1)
         near = (observation.pose[:, :2] - spot).norm(dim=-1) < NEAR
-        if reach is None:
-            return spot, near
-        middle = poses[..., :2].mean(1)
-        rows = ((poses[..., :2] - middle[:, None]).norm(dim=-1).amax(-1) < reach + GATHER).nonzero()[:, 0]
-        if not len(rows):
-            return spot, near
+        settling = self.task.settling(poses)
+        if settling is None or not bool(settling.near.any()):
+            return stance, near
+        rows = settling.near.nonzero()[:, 0]
+        middle = settling.middle[rows]
         points, still = seen_points(observation.episodes(rows), self.robot.lidar)
-        centre = _off(middle[rows], points, still, reach + ROOM)
+        centre = _off(middle, points, still, settling.clear)
         free = ~self._on_way(poses[rows, self.agent], centre, points, still)
-        free &= (centre - middle[rows]).norm(dim=-1) < ASTRAY
+        free &= (centre - middle).norm(dim=-1) < ASTRAY
         rows, centre = rows[free], centre[free]
-        spots = self.task.parking(centre, poses[rows])
-        assert spots is not None, "a task has spots for all goals or for none"
-        return spot.index_put((rows,), spots[:, self.agent]), near.index_fill(0, rows, True)
+        stances = self.task.stances(centre, poses[rows])
+        return stance.index_put((rows,), stances[:, self.agent]), near.index_fill(0, rows, True)
 
     def _straight(
-        self, observation: Observation, spot: Float[Tensor, "b 2"], room: Float[Tensor, "b"]
+        self, observation: Observation, stance: Float[Tensor, "b 3"], room: Float[Tensor, "b"]
     ) -> Float[Tensor, "b 2"]:
-        """Return the command [v, omega] towards a spot, as slow as the room before teammates asks for."""
+        """Return the command [v, omega] towards a stance, as slow as the room before teammates asks for."""
         drive = self.robot.drive
-        distance, aside = polar(observation.pose, spot).unbind(-1)
+        distance, aside = polar(observation.pose, stance[:, :2]).unbind(-1)
         there = distance < EXACT
+        look = wrap_angle(stance[:, 2] - observation.pose[:, 2]).nan_to_num(0.0)
+        aside = torch.where(there, look, aside)
         turn = aside.sign() * _stoppable(aside.abs(), drive.turn_acceleration).clamp(max=drive.turn_rate)
         speed = _stoppable(distance.minimum(room), drive.acceleration).clamp(max=drive.speed[1])
         speed = speed * (1 - aside.abs() / STRAIGHT).clamp(min=0)
-        return torch.stack([speed, turn], -1).masked_fill(there[:, None], 0.0)
+        return torch.stack([speed.masked_fill(there, 0.0), turn], -1)
 
     def _blocked(self, observation: Observation, spot: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
         """Return whether the scan shows something on the straight way to the spot that is no teammate."""
@@ -156,14 +156,15 @@ class Docking:
         return torch.where(blocks, room.clamp(min=0), torch.inf).amin(-1)
 
 
-def parks(task: Task, robots: int) -> bool:
-    """Return whether a task has spots around a goal for a team of so many robots."""
-    return task.parking(torch.zeros(1, 2), torch.zeros(1, robots, 3)) is not None
+def docks(task: Task, robots: int) -> bool:
+    """Return whether a task has spots around a goal, or a way to settle, for a team of so many robots."""
+    poses = torch.zeros(1, robots, 3)
+    return task.parking(torch.zeros(1, 2), poses) is not None or task.settling(poses) is not None
 
 
 def dockings(robots: Sequence[RobotSpec], task: Task) -> list[Docking] | None:
-    """Return everybody's docking; None where a task has no spots."""
-    if not parks(task, len(robots)):
+    """Return everybody's docking; None where a task has no use for it."""
+    if not docks(task, len(robots)):
         return None
     return [Docking(robots, index, Guard(robot), task) for index, robot in enumerate(robots)]
 

@@ -6,12 +6,28 @@ The environment, the evaluation and the planner's imagined rollouts all call the
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.requirement import Gathering, Requirement
+
+
+@dataclass(frozen=True)
+class Settling:
+    """How a team that is near comes to rest, whatever goals its members have.
+
+    Attributes:
+        near: which teams are near enough (b,).
+        middle: around which they come to rest, world frame, metres (b, 2).
+        clear: metres around the middle that should be free of things that stand still.
+    """
+
+    near: Bool[Tensor, "b"]
+    middle: Float[Tensor, "b 2"]
+    clear: float
 
 
 class Task(ABC):
@@ -92,6 +108,27 @@ class Task(ABC):
         """
         del goals, poses
         return None
+
+    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
+        """Return which teams settle now and where; None: robots go where their goals send them to the end.
+
+        Goals a little apart are as good once everybody is near, and a robot that turns from one to the next
+        never comes to rest. So it must be the same whoever asks, and depend on poses alone.
+
+        Args:
+            poses: of the team now, world frame.
+        """
+        del poses
+        return None
+
+    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
+        """Return where each robot of a settling team stands, and where it looks (NaN: as it likes).
+
+        Args:
+            middle: around which they come to rest, world frame, metres.
+            poses: of the team now, world frame.
+        """
+        raise NotImplementedError(f"{type(self).__name__} settles and must say where.")
 
     def requirement(self) -> Requirement | None:
         """Return what holds in every fulfilled state, for lower bounds of the time; None if unknown."""

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.requirement import Requirement
+from hpp_framework.task import Settling
 
 
 class Term(ABC):
@@ -37,6 +38,15 @@ class Term(ABC):
         """Return each robot's place for a shared goal; see :meth:`hpp_framework.task.Task.places`."""
         del goals, poses
         return None
+
+    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
+        """Return which teams settle now and where; see :meth:`hpp_framework.task.Task.settling`."""
+        del poses
+        return None
+
+    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
+        """Return how the robots of a settling team stand; see :meth:`hpp_framework.task.Task.stances`."""
+        raise NotImplementedError(f"{type(self).__name__} settles and must say where.")
 
     def requirement(self, limit: float) -> Requirement | None:
         """Return what holds wherever no error exceeds a limit, for lower bounds; None if unknown."""

@@ -143,11 +143,8 @@ class _Crowd:
 
     def _spots(self) -> Float[Tensor, "r n 2"]:
         """Return where each robot drives: to its goal, or to its spot around the one that all share."""
-        if self.owner.docking is None:
-            return self.goals
         spots = self.owner.task.parking(self.goals[:, 0], self.state.poses)
-        assert spots is not None, "a task has spots for all goals or for none"
-        return spots
+        return self.goals if spots is None else spots
 
     def keep(self, chosen: Bool[Tensor, "r"]) -> None:
         """Go on with some of the episodes."""

@@ -14,6 +14,8 @@ from hpp_tasks.terms.headings import Facing
 
 GAP = 0.1
 """Metres between the two footprints, at least."""
+SLACK = 0.8
+"""Share of the reach that robots count on where they turn to each other."""
 TURN_WEIGHT = 0.5
 """What a radian costs that one of the two looks aside."""
 
@@ -50,7 +52,7 @@ def handover(
         raise ConfigError(f"the reach of a handover must be more than {GAP} m, got {reach}.")
     touching = robots[pair[0]].footprint_radius + robots[pair[1]].footprint_radius
     near = Between([pair], [touching + GAP], touching + reach)
-    facing = Facing(*pair, apart=touching + (GAP + reach) / 2)
+    facing = Facing(*pair, apart=touching + (GAP + reach) / 2, slack=SLACK * (reach - GAP) / 2)
     return ComposedTask(
         [Weighed(near, eq1_weight(2)), Weighed(facing, TURN_WEIGHT)], [Limit(near), Limit(facing, angle)]
     )

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.robot import RobotSpec
-from hpp_framework.task import Task, relative_speed
+from hpp_framework.task import Settling, Task, relative_speed
 from hpp_tasks.parking import spots
 
 MARGIN = 0.25
@@ -22,6 +22,12 @@ SPARE = 0.17
 
 APART = 0.09
 """Metres from footprint to footprint on neighbouring spots."""
+
+NEARLY = 2.0
+"""Metres beyond the radius within which robots have nearly gathered."""
+
+CLEAR = 0.1
+"""Metres that the middle of a gathering is kept from things that stand still, beyond the radius."""
 
 REST_SPEED = 0.1
 """Largest relative speed of a sustained rendezvous, m/s."""
@@ -65,6 +71,20 @@ class Rendezvous(Task):
             return None
         width = 2 * (self.radius - MARGIN) * math.sin(math.pi / count)
         return spots(goals, poses, self.radius - SPARE, width + APART)
+
+    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
+        """Return the middles of teams of three and more that have nearly gathered."""
+        if poses.shape[-2] < 3:
+            return None
+        middle = poses[..., :2].mean(-2)
+        near = (poses[..., :2] - middle[..., None, :]).norm(dim=-1).amax(-1) < self.radius + NEARLY
+        return Settling(near, middle, self.radius + CLEAR)
+
+    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
+        """Return everybody's spot around the middle, looking anywhere."""
+        spots = self.parking(middle, poses)
+        assert spots is not None, "teams that settle have spots"
+        return torch.cat([spots, torch.full_like(spots[..., :1], math.nan)], -1)
 
     def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
         """Return whether everybody is within ``radius`` of the centre."""

@@ -149,8 +149,9 @@ def gathering(starts, goal, world=ROOM):
     sensing = Sensing(team.robots, NoiseModel(), torch.Generator())
     sensing.reset(BatchSimulator(team.robots).reset([world], starts[None]))
     docking = Docking(team.robots, 0, Guard(team.robots[0]), rendezvous(team))
-    spot, docks = docking.spot_among(sensing.observe(0), torch.tensor([goal]))
-    return spot[0], bool(docks)
+    stance, docks = docking.stance_among(sensing.observe(0), torch.tensor([goal]))
+    assert bool(stance[:, 2].isnan())
+    return stance[0, :2], bool(docks)
 
 
 def test_robots_that_are_near_gather_around_their_middle_whatever_their_goals():
@@ -184,3 +185,14 @@ def test_robots_do_not_gather_through_a_wall():
     spot, docks = gathering(starts, [0.0, 4.0], wall)
     assert not docks
     assert spot.tolist() == pytest.approx([0.0, 4.0])
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0, -1.0])
+def test_two_that_hand_over_turn_to_each_other(heading):
+    team = team_of(2)
+    task = hub().tasks.create("handover", team.robots, ids=("a", "b"))
+    starts = torch.tensor([[[-1.1, 0.0, heading], [1.1, 0.0, 1.5]]])
+    agents = build_agents(team, "centralized-mp", task)
+    episodes = run_episodes(BatchSimulator(team.robots), [ROOM], starts, agents, task)
+    assert 0 < int(episodes.done_step[0]) < 40
+    assert not bool(episodes.touched_robot[0])

@@ -81,23 +81,28 @@ def test_the_nearest_pursuer_counts():
     assert isinstance(term.requirement(0.0), AnyOf)
 
 
-def test_two_that_shall_face_each_other_come_to_both_sides_and_then_turn():
+def test_two_that_shall_face_each_other_come_to_both_sides_of_the_goal():
     term = Facing(0, 2, apart=1.0)
-    far = torch.tensor([[(-4.0, 0.0, 0.0), (9.0, 9.0, 0.0), (4.0, 0.0, 0.0)]])
-    there, here = torch.tensor([[1.0, 5.0]]), torch.tensor([[0.5, 0.3]])
+    poses = torch.tensor([[(-4.0, 0.0, 0.0), (9.0, 9.0, 0.0), (4.0, 0.0, 0.0)]])
+    (places,) = term.places(torch.tensor([[1.0, 5.0]]), poses)
+    assert places.flatten().tolist() == pytest.approx([-0.3, 5, 9, 9, 2.3, 5])
+    assert not bool(term.settling(poses).near)
 
-    def places(goal, poses):
-        return [value for place in term.places(goal, poses)[0].tolist() for value in place]
 
-    assert places(there, far) == pytest.approx([-0.3, 5, 9, 9, 2.3, 5])
-    # the first looks at the second and comes; the second looks away and leaves, to turn
-    near = torch.tensor([[(-1.0, 0.0, 0.0), (9.0, 9.0, 0.0), (1.0, 0.0, 0.0)]])
-    assert places(here, near) == pytest.approx([-0.35, 0, 9, 9, 1.3, 0])
-    # a goal elsewhere leads both there, however near they are to each other
-    assert places(there, near) == pytest.approx([-0.3, 5, 9, 9, 2.3, 5])
-    # too near, the one that looks waits
-    near[..., 0] *= torch.tensor([0.4, 1.0, 0.4])
-    assert places(here, near) == pytest.approx([-0.4, 0, 9, 9, 1.3, 0])
+def test_two_that_are_near_turn_to_each_other_from_about_where_they_are():
+    term = Facing(0, 2, apart=1.0, slack=0.2)
+    poses = torch.tensor([[(-1.0, 0.0, 2.0), (9.0, 9.0, 0.5), (1.0, 0.0, 1.0)]])
+    settling = term.settling(poses)
+    assert bool(settling.near)
+    assert settling.middle.tolist() == [[0.0, 0.0]]
+    (stances,) = term.stances(settling.middle, poses)
+    assert stances[:, :2].flatten().tolist() == pytest.approx([-0.6, 0, 9, 9, 0.6, 0])
+    assert stances[:, 2].abs().tolist() == pytest.approx([0, 0.5, math.pi])
+    # within the slack they stay, too near they make room
+    for gap, kept in ((1.1, 1.1), (0.5, 0.8)):
+        poses[0, 0, 0], poses[0, 2, 0] = -gap / 2, gap / 2
+        (stances,) = term.stances(torch.zeros(1, 2), poses)
+        assert float(stances[2, 0] - stances[0, 0]) == pytest.approx(kept)
 
 
 def test_region_is_a_disc():
