@@ -66,6 +66,7 @@ def _documented(teams: Path) -> list[Experiment]:
         ("follow:leader=leader", "simple", str(teams / "escort.yaml")),
         ("pursuit:stranger=stranger", "simple", str(teams / "chase.yaml")),
         (str(teams / "meet_at_corner.yaml"), "wall", "alice=fetch,bob=freight"),
+        ("rendezvous", "wall", "fetch,freight,fetch,freight"),
     )
     return [
         Experiment(worlds=(world,), planners=("hpp",), team=team, task=task, seed=SEED, episodes=1)
