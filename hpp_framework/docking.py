@@ -4,7 +4,7 @@ To a skill that drives by lidar, teammates that have arrived are obstacles aroun
 round them and never arrives. What is known of them is better than a scan: where they are, and how wide.
 
 What a planner wants matters no longer once everybody is near: goals a metre apart are as good, and a robot
-that turns from one to the next never gets anywhere. Then all gather around their middle, which all know.
+that turns from one to the next never gets anywhere. Then the team settles around its middle, which all know.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from hpp_framework.types import Observation
 NEAR = 1.5
 """Metres from its spot within which a robot docks."""
 LOOKS = 8
-"""Times that the middle is moved off the nearest of them."""
+"""Times that the middle of a settling team is moved off the nearest thing that stands still."""
 ASTRAY = 1.0
-"""Metres that it may be moved by; where there is no room that near, robots do not gather."""
+"""Metres that it may be moved by; where there is no room that near, robots do not settle."""
 EXACT = 0.03
 """Metres at which it is there."""
 GAP = 0.04
@@ -53,7 +53,7 @@ class Docking:
         robots: the team.
         agent: index of the robot.
         guard: tells what is in the way.
-        task: has the spots.
+        task: says whether a team settles, and where.
     """
 
     def __init__(self, robots: Sequence[RobotSpec], agent: int, guard: Guard, task: Task) -> None:
@@ -74,7 +74,7 @@ class Docking:
 
         Args:
             observation: what the agent knows.
-            spot: where to unless all gather, world frame, metres.
+            spot: where to unless the team settles, world frame, metres.
             command: of the skill.
         """
         room = self._room(observation)
