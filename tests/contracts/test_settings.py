@@ -38,7 +38,8 @@ def test_settings_reach_nested_configs_and_leave_the_original_alone():
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("horizn", 1, "Did you mean 'horizon'"), ("horizon", 2.5, "a whole number .like 5., got 2.5"), ("horizon", "x", "a whole number .like 5., got .x"),
+        ("horizn", 1, "Did you mean 'horizon'"),
+        ("horizon", 2.5, "a whole number"), ("horizon", "x", "a whole number"),
         ("cem", 1, "e.g. 'cem."), ("horizon.more", 1, "ends at 'horizon'"), ("horizon", 0, "horizon >= 1"),
     ],
 )  # fmt: skip
