@@ -27,6 +27,9 @@ from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task import Task
 from hpp_framework.types import Observation, Trajectories
 
+PAIRS = 192
+"""Goals of the others times robots that a plan of a larger team weighs, at most."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LatticeConfig:
@@ -100,9 +103,13 @@ def lattice_config(robots: int) -> LatticeConfig:
 
     Of more than two, motion tells less of what each wants, since they wait for each other and make room. A
     plan that any of them can upset needs to be surer. And a larger team starts, and meets, farther from its
-    middle.
+    middle. A reward takes time in proportion to the pairs of robots; so that a plan does not, fewer goals of
+    the others are weighed from nine robots on.
     """
-    return LatticeConfig() if robots < 3 else LatticeConfig(doubt=2.0, surprise=0.4, reach=5.2)
+    if robots < 3:
+        return LatticeConfig()
+    hypotheses = min(LatticeConfig.hypotheses, max(PAIRS // robots, 1))
+    return LatticeConfig(doubt=2.0, surprise=0.4, reach=5.2, hypotheses=hypotheses)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from hpp_framework.planning.inference import Evidence, GoalInference
+from hpp_framework.planning.lattice import lattice_config
 from hpp_framework.planning.response import as_one_gaussian, likeliest, moments, pair_rewards
 from hpp_framework.registry import hub
 from hpp_framework.team import parse_team
@@ -66,3 +67,8 @@ def test_one_gaussian_puts_its_peak_between_two_ends():
     mean, std = moments(logits, goals)
     assert mean.abs().max() < 1e-3
     assert std[0].tolist() == pytest.approx([3.0, 0.0], abs=0.01)
+
+
+def test_the_price_of_a_response_grows_with_the_robots_not_with_their_pairs():
+    weighed = [lattice_config(robots).hypotheses for robots in (2, 4, 8, 16, 32, 400)]
+    assert weighed == [24, 24, 24, 12, 6, 1]
