@@ -8,7 +8,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.docking import Docking, docks
+from hpp_framework.docking import Docking
+from hpp_framework.docking import docks as task_docks
 from hpp_framework.guard import Guard
 from hpp_framework.guide import Guide
 from hpp_framework.halting import Halting
@@ -78,22 +79,22 @@ def make_agent(
     """
     robot = robots[index]
     own_guard = Guard(robot)
+    guided = planner.guided if guide is None else guide
+    docks = _may_dock(planner) and task_docks(task, len(robots), guided=guided)
     return Agent(
         skill,
         planner,
         Rest(task, robots) if task.halts and planner.rests else None,
         agent_rng(planner, seed, index),
         own_guard if guard else None,
-        Guide(robot) if (planner.guided if guide is None else guide) else None,
-        Docking(robots, index, own_guard, task) if _docks(task, planner, len(robots)) else None,
+        Guide(robot) if guided else None,
+        Docking(robots, index, own_guard, task) if docks else None,
     )
 
 
-def _docks(task: Task, planner: MetaPlanner, robots: int) -> bool:
-    """Return whether an agent drives to a spot of its own in a gathering."""
-    if planner.heedless or not planner.rests or isinstance(planner, Policy):
-        return False
-    return docks(task, robots)
+def _may_dock(planner: MetaPlanner) -> bool:
+    """Return whether an agent of a planner leaves its skill's way for the sake of the others."""
+    return planner.rests and not planner.heedless and not isinstance(planner, Policy)
 
 
 class Agent:
@@ -107,7 +108,8 @@ class Agent:
         guard: keeps the robot off obstacles; None drives as the skill wants.
         guide: turns the robot round at a plan where its way leads back, and keeps it from slowing down before
             a place to meet; None leaves all ways to the skill.
-        docking: takes over from the skill near the robot's spot in a gathering; None leaves it to the skill.
+        docking: takes over from the skill near the robot's spot in a gathering, and sends two that see each
+            other straight together; None leaves it to the skill.
 
     Attributes:
         present: whether the robot takes part now.
@@ -176,5 +178,7 @@ class Agent:
             # who never rests, or has a place of its own, must halt where it is sent
             halt = (self.waypoint != self.goal).any(-1) | (self.rest is None)
             self.waypoint = self.guide(observation, self.waypoint, halt)
+        if self.docking is not None:
+            self.waypoint = self.docking.aim(observation, self.waypoint)
         self._countdown = self.planner.plan_every
         return self.belief

@@ -5,10 +5,12 @@ round them and never arrives. What is known of them is better than a scan: where
 
 What a planner wants matters no longer once everybody is near: goals a metre apart are as good, and a robot
 that turns from one to the next never gets anywhere. Then the team settles around its middle, which all know.
+Two robots pass each other by as easily, each on its way to a goal of its own; they meet at their middle.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,6 +23,7 @@ from hpp_framework.guard import Guard
 from hpp_framework.halting import Halting
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sensing import seen_points
+from hpp_framework.sight import GAP, in_the_way, see_each_other
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task import Task
 from hpp_framework.types import Observation
@@ -31,12 +34,14 @@ LOOKS = 8
 """Times that the middle of a settling team is moved off the nearest thing that stands still."""
 ASTRAY = 1.0
 """Metres that it may be moved by; where there is no room that near, robots do not settle."""
+GAP_OF_TWO = 0.2
+"""Metres that two robots keep that drive at each other, both faster than the other last saw them drive."""
 EXACT = 0.03
 """Metres at which it is there."""
-GAP = 0.04
-"""Metres that it keeps from teammates."""
 STRAIGHT = 0.5
-"""Radians aside from which on it turns on the spot."""
+"""Radians aside from which on it turns on the spot, in a team where others may stand beside its way."""
+STRAIGHT_OF_TWO = math.pi / 2
+"""The same of two robots: turning while it drives is quicker, and nobody else is there."""
 CAREFUL = 0.8
 """Share of the deceleration, driving and turning, that it counts on."""
 CHANGED = 0.05
@@ -49,11 +54,15 @@ class Docking:
     Where something else than a teammate is in the way, the skill goes on: that is what it is made for. It is
     kept from driving into teammates, though.
 
+    In a team each settles as soon as its own way is free, and makes room for the others. Two that may meet
+    anywhere meet only if both come, so each makes sure that the other's way is free as well: of what lies
+    between them both see the same.
+
     Args:
         robots: the team.
         agent: index of the robot.
         guard: tells what is in the way.
-        task: says whether a team settles, and where.
+        task: says whether a team settles, and where, and whether each robot has a spot of its own.
     """
 
     def __init__(self, robots: Sequence[RobotSpec], agent: int, guard: Guard, task: Task) -> None:
@@ -62,10 +71,14 @@ class Docking:
         self.guard = guard
         self.agent = agent
         self.halting = Halting(robots)
+        self.spots = _spots(task, len(robots))
+        self.two = len(robots) == 2 and not self.spots
+        self.straight = STRAIGHT_OF_TWO if self.two else STRAIGHT
+        self.sure_of = [0, 1] if self.two else [agent]
         others = [index for index in range(len(robots)) if index != agent]
         self.mates = [*others, *(len(robots) + index for index in others)]
         radii = torch.tensor([robots[index].footprint_radius for index in others])
-        self.apart = (radii + self.robot.footprint_radius + GAP).repeat(2)
+        self.apart = (radii + self.robot.footprint_radius + (GAP_OF_TWO if self.two else GAP)).repeat(2)
 
     def __call__(
         self, observation: Observation, spot: Float[Tensor, "b 2"], command: Float[Tensor, "b 2"]
@@ -88,16 +101,30 @@ class Docking:
         free = ((allowed - wanted).abs() < CHANGED).all(-1) & ~self._blocked(observation, stance[:, :2])
         return torch.where((near & free)[:, None], wanted, command)
 
+    def aim(self, observation: Observation, waypoint: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
+        """Return where the skill is to drive: straight to the other of two who see each other.
+
+        Who meets anywhere needs no goal then.
+
+        Args:
+            observation: what the agent knows.
+            waypoint: where to else, world frame, metres.
+        """
+        if not self.two:
+            return waypoint
+        mate = observation.team_poses[:, 1 - self.agent, :2]
+        return torch.where(see_each_other(observation, self.robot)[:, None], mate, waypoint)
+
     def stance_among(
         self, observation: Observation, spot: Float[Tensor, "b 2"]
     ) -> tuple[Float[Tensor, "b 3"], Bool[Tensor, "b"]]:
         """Return where the robot docks, looking where (NaN: anywhere), and whether it does.
 
-        It docks near its spot, and where its team settles and it sees that its way there is free.
+        It docks near its spot, and where its team settles and it sees that the way there is free.
         """
         poses = observation.team_poses
         stance = torch.cat([spot, torch.full_like(spot[:, :1], torch.nan)], -1)
-        near = (observation.pose[:, :2] - spot).norm(dim=-1) < NEAR
+        near = (observation.pose[:, :2] - spot).norm(dim=-1) < (NEAR if self.spots else 0.0)
         settling = self.task.settling(poses)
         if settling is None or not bool(settling.near.any()):
             return stance, near
@@ -105,8 +132,9 @@ class Docking:
         middle = settling.middle[rows]
         points, still = seen_points(observation.episodes(rows), self.robot.lidar)
         centre = _off(middle, points, still, settling.clear)
-        free = ~self._on_way(poses[rows, self.agent], centre, points, still)
-        free &= (centre - middle).norm(dim=-1) < ASTRAY
+        free = (centre - middle).norm(dim=-1) < ASTRAY
+        for each in self.sure_of:
+            free &= ~in_the_way(poses[rows, each], centre, points, still, self.robot.footprint_radius)
         rows, centre = rows[free], centre[free]
         stances = self.task.stances(centre, poses[rows])
         return stance.index_put((rows,), stances[:, self.agent]), near.index_fill(0, rows, True)
@@ -122,29 +150,14 @@ class Docking:
         aside = torch.where(there, look, aside)
         turn = aside.sign() * _stoppable(aside.abs(), drive.turn_acceleration).clamp(max=drive.turn_rate)
         speed = _stoppable(distance.minimum(room), drive.acceleration).clamp(max=drive.speed[1])
-        speed = speed * (1 - aside.abs() / STRAIGHT).clamp(min=0)
+        speed = speed * (1 - aside.abs() / self.straight).clamp(min=0)
         return torch.stack([speed.masked_fill(there, 0.0), turn], -1)
 
     def _blocked(self, observation: Observation, spot: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
         """Return whether the scan shows something on the straight way to the spot that is no teammate."""
         # what is seen now counts, not what stood there before
         points, still = seen_points(replace(observation, keyframes=None), self.robot.lidar)
-        return self._on_way(observation.pose, spot, points, still)
-
-    def _on_way(
-        self,
-        pose: Float[Tensor, "b 3"],
-        spot: Float[Tensor, "b 2"],
-        points: Float[Tensor, "b q 2"],
-        still: Bool[Tensor, "b q"],
-    ) -> Bool[Tensor, "b"]:
-        """Return whether points that stand still are in the way from a pose straight to a spot."""
-        distance, bearing = polar(pose, spot).unbind(-1)
-        towards = torch.cat([pose[:, :2], (pose[:, 2] + bearing)[:, None]], -1)
-        ahead, aside = to_frame(towards[:, None], points).unbind(-1)
-        reach = self.robot.footprint_radius + GAP
-        on_way = (ahead > 0) & (ahead < distance[:, None] + reach) & (aside.abs() < reach)
-        return (on_way & still).any(-1)
+        return in_the_way(observation.pose, spot, points, still, self.robot.footprint_radius)
 
     def _room(self, observation: Observation) -> Float[Tensor, "b"]:
         """Return how far the robot can drive on before it is too near a teammate or its halt, metres."""
@@ -156,17 +169,29 @@ class Docking:
         return torch.where(blocks, room.clamp(min=0), torch.inf).amin(-1)
 
 
-def docks(task: Task, robots: int) -> bool:
-    """Return whether a task has spots around a goal, or a way to settle, for a team of so many robots."""
-    poses = torch.zeros(1, robots, 3)
-    return task.parking(torch.zeros(1, 2), poses) is not None or task.settling(poses) is not None
+def docks(task: Task, robots: int, *, guided: bool) -> bool:
+    """Return whether robots dock: at spots of their own, always; to settle, of two only those with a guide.
+
+    Args:
+        task: the shared objective.
+        robots: in the team.
+        guided: whether the robot has a guide.
+    """
+    settles = task.settling(torch.zeros(1, robots, 3)) is not None
+    return _spots(task, robots) or (settles and guided)
 
 
 def dockings(robots: Sequence[RobotSpec], task: Task) -> list[Docking] | None:
-    """Return everybody's docking; None where a task has no use for it."""
-    if not docks(task, len(robots)):
+    """Return the docking of everybody without a guide; None where a task has no use for it."""
+    if not docks(task, len(robots), guided=False):
         return None
     return [Docking(robots, index, Guard(robot), task) for index, robot in enumerate(robots)]
+
+
+def _spots(task: Task, robots: int) -> bool:
+    """Return whether each robot has a spot of its own around a goal."""
+    goal, poses = torch.zeros(1, 2), torch.zeros(1, robots, 3)
+    return task.parking(goal, poses) is not None or task.places(goal, poses) is not None
 
 
 def _stoppable(room: Float[Tensor, "b"], deceleration: float) -> Float[Tensor, "b"]:

@@ -24,7 +24,10 @@ APART = 0.09
 """Metres from footprint to footprint on neighbouring spots."""
 
 NEARLY = 2.0
-"""Metres beyond the radius within which robots have nearly gathered."""
+"""Metres beyond the radius within which robots of three and more have nearly gathered."""
+
+NEARLY_OF_TWO = 1.0
+"""The same of two: the middle says little about the way there while they are far apart."""
 
 CLEAR = 0.1
 """Metres that the middle of a gathering is kept from things that stand still, beyond the radius."""
@@ -73,17 +76,20 @@ class Rendezvous(Task):
         return spots(goals, poses, self.radius - SPARE, width + APART)
 
     def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
-        """Return the middles of teams of three and more that have nearly gathered."""
-        if poses.shape[-2] < 3:
+        """Return the middles of teams that have nearly gathered."""
+        count = poses.shape[-2]
+        if count < 2:
             return None
         middle = poses[..., :2].mean(-2)
-        near = (poses[..., :2] - middle[..., None, :]).norm(dim=-1).amax(-1) < self.radius + NEARLY
-        return Settling(near, middle, self.radius + CLEAR)
+        nearly = NEARLY_OF_TWO if count == 2 else NEARLY
+        near = (poses[..., :2] - middle[..., None, :]).norm(dim=-1).amax(-1) < self.radius + nearly
+        return Settling(near, middle, 0.0 if count == 2 else self.radius + CLEAR)
 
     def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
-        """Return everybody's spot around the middle, looking anywhere."""
+        """Return everybody's spot around the middle, looking anywhere; of two, the middle."""
         spots = self.parking(middle, poses)
-        assert spots is not None, "teams that settle have spots"
+        if spots is None:
+            spots = middle[:, None].expand(-1, poses.shape[1], -1)
         return torch.cat([spots, torch.full_like(spots[..., :1], math.nan)], -1)
 
     def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:

@@ -24,7 +24,7 @@ def before_a_wall(robot, heading):
     away = (1.5 - y) / angles.sin()
     hit = (away > 0) & (away < robot.lidar.max_range) & (x + away * angles.cos() < 3.0)
     scan = torch.where(hit, away, robot.lidar.max_range)
-    poses = torch.tensor([[0.0, 0.0, heading], [0.0, -9.0, 0.0]]).expand(1, 5, 2, 3)
+    poses = torch.tensor([[0.0, 0.0, heading], [0.0, -9.0, -math.pi / 2]]).expand(1, 5, 2, 3)
     return Observation(0, poses, scan.expand(1, 5, -1), torch.zeros(1, 2))
 
 
