@@ -194,7 +194,9 @@ class LatticePlanner(MetaPlanner):
         if not config.mixture:
             logits = as_one_gaussian(logits, goals)
         others, chosen = likeliest(logits, config.hypotheses)
-        return self._over_time(pair_rewards(self.task, imagined, agent, others, chosen)) - costs
+        # a goal of its own moves one robot: 2 / n of the pairs that the unit counts
+        share = 2 / likelihood.shape[-1]
+        return self._over_time(pair_rewards(self.task, imagined, agent, others, chosen)) - share * costs
 
     def _over_time(self, reward: Float[Tensor, "b g t"]) -> Float[Tensor, "b g"]:
         """Return one score for the rewards along a trajectory."""
