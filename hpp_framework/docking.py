@@ -170,15 +170,17 @@ class Docking:
 
 
 def docks(task: Task, robots: int, *, guided: bool) -> bool:
-    """Return whether robots dock: at spots of their own, always; to settle, of two only those with a guide.
+    """Return whether robots dock: at spots around a goal, or to settle; two that meet anywhere if guided.
 
     Args:
         task: the shared objective.
         robots: in the team.
         guided: whether the robot has a guide.
     """
-    settles = task.settling(torch.zeros(1, robots, 3)) is not None
-    return _spots(task, robots) or (settles and guided)
+    goal, poses = torch.zeros(1, 2), torch.zeros(1, robots, 3)
+    if task.parking(goal, poses) is not None:
+        return True
+    return task.settling(poses) is not None and (guided or _spots(task, robots))
 
 
 def dockings(robots: Sequence[RobotSpec], task: Task) -> list[Docking] | None:
