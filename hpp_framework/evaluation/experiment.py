@@ -7,7 +7,7 @@ that comparisons are paired.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.turns import join_agents, least_times
 from hpp_framework.planner import PRESETS
+from hpp_framework.progress import Progress
 from hpp_framework.seeding import child_seed, numpy_rng
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.sim import BACKENDS, make_simulator
@@ -37,8 +38,6 @@ from hpp_framework.team_file import build_team, effective_team, is_team_file, re
 from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 from hpp_framework.worlds.world import World
-
-Progress = Callable[[str, int, int], None]
 
 CHUNK = {"batch": 100, "sapien": 5}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from hpp_framework.evaluation.table import write_rows
 from hpp_framework.files import replacing
 from hpp_framework.prediction.library import find_cards
 from hpp_framework.predictor import Predictor, PredictorRequest
+from hpp_framework.progress import Progress
 from hpp_framework.registry import hub
 from hpp_framework.sensing import NoiseModel
 from hpp_framework.team import Team, parse_team
@@ -43,7 +44,6 @@ HORIZONS, WORLDS, CALIBRATION_PICTURE, LOSSES = "horizons.png", "worlds.png", "c
 ROLES = ("self", "other")
 TABLE_SECONDS = (1.0, 2.0, 5.0, 10.0)
 """Horizons that ``summary.json`` and the printed table show."""
-Progress = Callable[[str, int, int], None]
 Cells = dict[tuple[str, str, int, int], Misses]
 """By predictor, world, and the places of agent and subject in the team."""
 

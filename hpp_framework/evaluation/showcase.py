@@ -23,6 +23,7 @@ from hpp_framework.evaluation.replay import Replay, describe, replay
 from hpp_framework.evaluation.rollout import median_ms
 from hpp_framework.evaluation.video import write_video
 from hpp_framework.files import read_json
+from hpp_framework.progress import Progress
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.task_choice import task_name
 from hpp_framework.worlds.loader import resolve_world
@@ -53,10 +54,6 @@ class Which:
             raise ConfigError(f"there is no episode {self.episode} of {self.of}; the first is 0.")
 
 
-Report = Callable[[str, int, int], None]
-"""Is told what is under way, how much is done and how much there is."""
-
-
 def _nobody(what: str, done: int, total: int) -> None:
     del what, done, total
 
@@ -67,7 +64,7 @@ def showcase(
     *,
     which: Which | None = None,
     say: Callable[[str], None] = print,
-    report: Report = _nobody,
+    report: Progress = _nobody,
 ) -> dict[str, Any]:
     """Run one episode of the first world and planner of an experiment and write what happened into ``out``.
 
@@ -117,7 +114,7 @@ def recorded_episode(file: Path) -> Which:
 
 
 def _write(
-    shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str], None], report: Report
+    shown: Replay, config: dict[str, Any], out: Path, say: Callable[[str], None], report: Progress
 ) -> dict[str, Any]:
     """Write summary, record, plot and video, and return the summary."""
     about, episodes = describe(config), shown.episodes
@@ -144,7 +141,7 @@ def _write(
     return summary
 
 
-def _watched(film: Iterable[Frame], total: int, report: Report) -> Iterator[Frame]:
+def _watched(film: Iterable[Frame], total: int, report: Progress) -> Iterator[Frame]:
     for done, frame in enumerate(film, 1):
         yield frame
         report("filming it", done, total)

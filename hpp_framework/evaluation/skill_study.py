@@ -7,7 +7,7 @@ comparisons are paired.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from hpp_framework.evaluation.skill_score import SkillRow
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import Draw, Trial
 from hpp_framework.files import replacing
+from hpp_framework.progress import Progress
 from hpp_framework.registry import hub
 from hpp_framework.robot import RobotSpec
 from hpp_framework.sensing import NoiseModel
@@ -29,7 +30,6 @@ from hpp_framework.sim import make_simulator
 
 COMPETENCE, PICTURE = "competence.csv", "competence.png"
 ALL = "all worlds"
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)

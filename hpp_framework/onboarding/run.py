@@ -12,12 +12,13 @@ from hpp_framework.checkpoints import WEIGHTS_VARIABLE, require_same_run
 from hpp_framework.files import read_json, replacing
 from hpp_framework.onboarding.card import write_card
 from hpp_framework.onboarding.config import Onboarding
-from hpp_framework.onboarding.stages import WEIGHTS, Report, Stage, make_stages
+from hpp_framework.onboarding.stages import WEIGHTS, Stage, make_stages
+from hpp_framework.progress import Progress
 from hpp_framework.testing import check_robot, check_skill
 
 RECORD = "onboarding.json"
 """Says which onboarding a folder holds, and what was there already when it began."""
-Bars = Callable[[str], AbstractContextManager[Report]]
+Bars = Callable[[str], AbstractContextManager[Progress]]
 """Shows progress that is counted in a unit."""
 
 

@@ -22,12 +22,11 @@ from hpp_framework.onboarding.scale import RATES
 from hpp_framework.prediction.collect import collect
 from hpp_framework.prediction.library import find_model, model_pairs
 from hpp_framework.predictor import PredictorRequest, PredictorTraining
+from hpp_framework.progress import Progress
 from hpp_framework.registry import hub
 from hpp_framework.skill import SkillTraining
 from hpp_framework.training.predictors import train_predictors
 
-Report = Callable[[str, int, int], None]
-"""Is told what is under way, how much is done and how much there is."""
 WEIGHTS = "weights"
 
 
@@ -47,7 +46,7 @@ class Stage:
     title: str
     seconds: float
     done: Callable[[], bool]
-    run: Callable[[Report], object]
+    run: Callable[[Progress], object]
     draws: bool = False
     unit: str = "episodes"
 
@@ -144,7 +143,7 @@ def _init(onboarding: Onboarding, robot: str) -> str | None:
     return None
 
 
-def _train_skill(skill: str, training: SkillTraining, file: Path, report: Report) -> None:
+def _train_skill(skill: str, training: SkillTraining, file: Path, report: Progress) -> None:
     del report
     trained: Path = hub().skill_trainers.create(skill, training)
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -158,7 +157,7 @@ def _collection(onboarding: Onboarding, out: Path, pair: tuple[str, str], worker
     total = config.chunks * config.chunk
     label = f"collect {total:,} trajectories of {' and '.join(pair)}"
 
-    def run(report: Report) -> None:
+    def run(report: Progress) -> None:
         for done in collect(onboarding.team(*pair), config, folder, workers=workers):
             report(label, done, total)
 
@@ -189,7 +188,7 @@ def _models(onboarding: Onboarding, out: Path, workers: int) -> Iterator[Stage]:
     steps = onboarding.scale.predictor_steps
     folder = out / WEIGHTS / onboarding.predictor
 
-    def run(report: Report) -> None:
+    def run(report: Progress) -> None:
         for progress in train_predictors(onboarding.predictor, list(missing.values()), workers=workers):
             report(progress.model, progress.step, steps)
 

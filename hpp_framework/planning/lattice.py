@@ -140,7 +140,6 @@ class LatticePlanner(MetaPlanner):
         self.task = task
         self.config = config
         self.plan_every = config.plan_every
-        self._unit = 1.0
         self.inference = GoalInference(
             elapsed=config.plan_every * CONTROL_PERIOD,
             surprise=config.surprise,
@@ -154,7 +153,6 @@ class LatticePlanner(MetaPlanner):
     ) -> tuple[Float[Tensor, "b 2"], Belief]:
         """Return the own place of the best lattice point, or of the present goal while nearly as good."""
         del rng
-        self._unit = self.task.unit(observation.team_poses.shape[1])
         goals = self.candidates(observation)
         if belief is not None:
             goals = torch.cat([belief.goal[:, None], goals], 1)
@@ -185,23 +183,24 @@ class LatticePlanner(MetaPlanner):
         costs: Float[Tensor, "b g"],
         agent: int,
     ) -> Float[Tensor, "b g"]:
-        config = self.config
-        hoped = self._over_time(self.task.reward(imagined.poses)) - costs
+        config, robots = self.config, likelihood.shape[-1]
+        unit = self.task.unit(robots)
+        hoped = self._over_time(self.task.reward(imagined.poses)) / unit - costs
         if not config.respond:
             return hoped + config.evidence * likelihood.sum(-1)
-        theirs = torch.arange(likelihood.shape[-1]) != agent
+        theirs = torch.arange(robots) != agent
         logits = (hoped + config.evidence * likelihood[..., theirs].sum(-1)) / config.temperature
         if not config.mixture:
             logits = as_one_gaussian(logits, goals)
         others, chosen = likeliest(logits, config.hypotheses)
+        answers = self._over_time(pair_rewards(self.task, imagined, agent, others, chosen))
         # a goal of its own moves one robot: 2 / n of the pairs that the unit counts
-        share = 2 / likelihood.shape[-1]
-        return self._over_time(pair_rewards(self.task, imagined, agent, others, chosen)) - share * costs
+        return answers / unit - costs * 2 / robots
 
     def _over_time(self, reward: Float[Tensor, "b g t"]) -> Float[Tensor, "b g"]:
         """Return one score for the rewards along a trajectory."""
         terminal = self.config.terminal
-        return ((1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]) / self._unit
+        return (1 - terminal) * reward.mean(-1) + terminal * reward[..., -1]
 
     def _costs(
         self, observation: Observation, goals: Float[Tensor, "b g 2"], imagined: Trajectories, plans: int
