@@ -8,8 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.docking import Docking
-from hpp_framework.docking import docks as task_docks
+from hpp_framework.docking import Docking, docks
 from hpp_framework.guard import Guard
 from hpp_framework.guide import Guide
 from hpp_framework.halting import Halting
@@ -80,7 +79,7 @@ def make_agent(
     robot = robots[index]
     own_guard = Guard(robot)
     guided = planner.guided if guide is None else guide
-    docks = _may_dock(planner) and task_docks(task, len(robots), guided=guided)
+    may_dock = _heeds_others(planner) and docks(task, len(robots), guided=guided)
     return Agent(
         skill,
         planner,
@@ -88,11 +87,11 @@ def make_agent(
         agent_rng(planner, seed, index),
         own_guard if guard else None,
         Guide(robot) if guided else None,
-        Docking(robots, index, own_guard, task) if docks else None,
+        Docking(robots, index, own_guard, task) if may_dock else None,
     )
 
 
-def _may_dock(planner: MetaPlanner) -> bool:
+def _heeds_others(planner: MetaPlanner) -> bool:
     """Return whether an agent of a planner leaves its skill's way for the sake of the others."""
     return planner.rests and not planner.heedless and not isinstance(planner, Policy)
 
