@@ -131,7 +131,7 @@ class Docking:
         rows = settling.near.nonzero()[:, 0]
         middle = settling.middle[rows]
         points, still = seen_points(observation.episodes(rows), self.robot.lidar)
-        centre = _off(middle, points, still, settling.clear)
+        centre = _off(middle, points, still, settling.clear) if settling.clear else middle
         free = (centre - middle).norm(dim=-1) < ASTRAY
         for each in self.sure_of:
             free &= ~in_the_way(poses[rows, each], centre, points, still, self.robot.footprint_radius)
