@@ -180,7 +180,7 @@ def docks(task: Task, robots: int, *, guided: bool) -> bool:
     goal, poses = torch.zeros(1, 2), torch.zeros(1, robots, 3)
     if task.parking(goal, poses) is not None:
         return True
-    return task.settling(poses) is not None and (guided or _spots(task, robots))
+    return task.settling(poses) is not None and (guided or robots != 2 or _spots(task, robots))
 
 
 def dockings(robots: Sequence[RobotSpec], task: Task) -> list[Docking] | None:
