@@ -22,7 +22,7 @@ class Settling:
     Attributes:
         near: which teams are near enough (b,).
         middle: around which they come to rest, world frame, metres (b, 2).
-        clear: metres around the middle that should be free of things that stand still.
+        clear: metres around the middle that should be free of things that stand still; 0 keeps the middle.
     """
 
     near: Bool[Tensor, "b"]

@@ -47,6 +47,7 @@ import numpy as np  # noqa: E402  # after the hook, as above
 import pytest  # noqa: E402  # after the hook
 import torch  # noqa: E402  # after the hook
 
+from hpp_framework.planner import MetaPlanner, certain  # noqa: E402  # after the hook
 from hpp_framework.registry import hub  # noqa: E402  # after the hook
 from hpp_framework.robot import RobotSpec  # noqa: E402  # after the hook
 from hpp_framework.worlds.world import Box, Cylinder, World  # noqa: E402  # after the hook
@@ -103,6 +104,24 @@ def rng() -> np.random.Generator:
 def torch_rng() -> torch.Generator:
     """Return a fresh torch generator with a fixed seed."""
     return torch.Generator().manual_seed(0)
+
+
+class _FixedGoal(MetaPlanner):
+    plan_every = 5
+
+    def __init__(self, x, y):
+        self.goal = torch.tensor([[x, y]])
+
+    def plan(self, observation, belief, rng):
+        del belief, rng
+        goal = self.goal.expand(len(observation.pose), 2)
+        return goal, certain(goal)
+
+
+@pytest.fixture(scope="session")
+def fixed_goal():
+    """Planner that wants everybody at a place (x, y)."""
+    return _FixedGoal
 
 
 @pytest.fixture

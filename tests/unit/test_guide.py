@@ -10,7 +10,6 @@ import torch
 from hpp_framework.agent import make_agent
 from hpp_framework.evaluation.planners import parse_planner
 from hpp_framework.guide import BACK, BEYOND, Guide
-from hpp_framework.planner import MetaPlanner, certain
 from hpp_framework.registry import hub
 from hpp_framework.skill import Skill
 from hpp_framework.types import Keyframes, Observation
@@ -68,18 +67,7 @@ def test_the_way_counts_and_not_where_the_goal_lies(fetch):
     assert back[1] < 1.5, "on this side"
 
 
-class _Fixed(MetaPlanner):
-    """Wants everybody at a place that lies behind."""
-
-    plan_every = 5
-
-    def plan(self, observation, belief, rng):
-        del belief, rng
-        goal = torch.tensor([[-5.0, 0.0]]).expand(len(observation.pose), 2)
-        return goal, certain(goal)
-
-
-def test_agents_drive_to_the_way_point_and_keep_the_goal(fetch, freight):
+def test_agents_drive_to_the_way_point_and_keep_the_goal(fetch, freight, fixed_goal):
     task = hub().tasks.create("rendezvous", [fetch, freight])
     seen = before_a_wall(fetch, 0.0)
 
@@ -90,25 +78,34 @@ def test_agents_drive_to_the_way_point_and_keep_the_goal(fetch, freight):
 
     for guide in (True, False):
         skill = Notes()
-        agent = make_agent(0, skill, _Fixed(), task, [fetch, freight], 0, guard=False, guide=guide)
+        agent = make_agent(
+            0, skill, fixed_goal(-5.0, 0.0), task, [fetch, freight], 0, guard=False, guide=guide
+        )
         agent.act(seen)
         assert agent.goal.tolist() == [[-5.0, 0.0]]
         assert (skill.goal.tolist() == [[-5.0, 0.0]]) is not guide
 
 
 @pytest.mark.parametrize("halts", [True, False])
-def test_only_who_rests_may_run_through_a_goal(fetch, freight, halts):
+def test_only_who_rests_may_run_through_a_goal(fetch, freight, halts, fixed_goal):
     task = hub().tasks.create("rendezvous", [fetch, freight])
     task.halts = halts
-    agent = make_agent(0, hub().skills.create("p2p", fetch), _Fixed(), task, [fetch, freight], 0, guide=True)
+    agent = make_agent(
+        0, hub().skills.create("p2p", fetch), fixed_goal(-5.0, 0.0), task, [fetch, freight], 0, guide=True
+    )
     agent.plan(before_a_wall(fetch, math.pi))
     expected = [[-5.0 - BEYOND, 0.0]] if halts else [[-5.0, 0.0]]
     torch.testing.assert_close(agent.waypoint, torch.tensor(expected), atol=1e-4, rtol=0)
 
 
-def test_planners_say_whether_agents_have_a_guide(fetch, freight):
+def test_planners_say_whether_agents_have_a_guide(fetch, freight, fixed_goal):
     task = hub().tasks.create("rendezvous", [fetch, freight])
-    assert make_agent(0, hub().skills.create("p2p", fetch), _Fixed(), task, [fetch, freight], 0).guide is None
+    assert (
+        make_agent(
+            0, hub().skills.create("p2p", fetch), fixed_goal(-5.0, 0.0), task, [fetch, freight], 0
+        ).guide
+        is None
+    )
     assert parse_planner("hpp").guide is None
     assert parse_planner("hpp:guide=false").guide is False
     assert parse_planner("centralized-oa:guide=true").guide is True

@@ -11,7 +11,6 @@ from hpp_framework.agent import make_agent
 from hpp_framework.docking import STRAIGHT, STRAIGHT_OF_TWO, Docking
 from hpp_framework.evaluation.rollout import build_agents
 from hpp_framework.guard import Guard
-from hpp_framework.planner import MetaPlanner, certain
 from hpp_framework.registry import hub
 from hpp_framework.sensing import NoiseModel, Sensing
 from hpp_framework.sight import GAP, in_the_way, see_each_other
@@ -101,28 +100,17 @@ def test_a_wall_before_the_other_counts_as_much_as_one_before_oneself():
     assert not bool(docking_of(team).stance_among(seen, torch.tensor([[-9.0, -9.0]]))[1])
 
 
-def test_places_of_a_goal_are_left_to_the_skill():
+def test_two_have_no_spots_to_dock_at():
     team, seen = observed([[-4.0, -0.5, 0.3], [4.0, 0.5, -2.8]], WALL)
-    assert not bool(docking_of(team).stance_among(seen, seen.pose[:, :2])[1]), "two have no spots to dock at"
+    assert not bool(docking_of(team).stance_among(seen, seen.pose[:, :2])[1])
 
 
-class _Fixed(MetaPlanner):
-    """Wants everybody at a place."""
-
-    plan_every = 5
-
-    def plan(self, observation, belief, rng):
-        del belief, rng
-        goal = torch.tensor([[-4.0, 3.0]]).expand(len(observation.pose), 2)
-        return goal, certain(goal)
-
-
-def test_meeting_in_sight_goes_with_the_guide():
+def test_meeting_in_sight_goes_with_the_guide(fixed_goal):
     team, seen = observed(FAR_FROM_EACH_OTHER)
     task = hub().tasks.create("rendezvous", team.robots)
     skill = hub().skills.create("p2p", team.robots[0])
     for guide, waypoint in ((True, [4.0, 0.5]), (False, [-4.0, 3.0])):
-        agent = make_agent(0, skill, _Fixed(), task, team.robots, 0, guide=guide)
+        agent = make_agent(0, skill, fixed_goal(-4.0, 3.0), task, team.robots, 0, guide=guide)
         agent.plan(seen)
         assert agent.goal[0].tolist() == pytest.approx([-4.0, 3.0])
         assert agent.waypoint[0].tolist() == pytest.approx(waypoint)
