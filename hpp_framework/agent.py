@@ -177,7 +177,5 @@ class Agent:
             # who never rests, or has a place of its own, must halt where it is sent
             halt = (self.waypoint != self.goal).any(-1) | (self.rest is None)
             self.waypoint = self.guide(observation, self.waypoint, halt)
-        if self.docking is not None:
-            self.waypoint = self.docking.aim(observation, self.waypoint)
         self._countdown = self.planner.plan_every
         return self.belief

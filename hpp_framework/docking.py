@@ -5,7 +5,8 @@ round them and never arrives. What is known of them is better than a scan: where
 
 What a planner wants matters no longer once everybody is near: goals a metre apart are as good, and a robot
 that turns from one to the next never gets anywhere. Then the team settles around its middle, which all know.
-Two robots pass each other by as easily, each on its way to a goal of its own; they meet at their middle.
+Two robots pass each other by as easily, each on its way to a goal of its own; they meet at their middle, and
+once they see each other they need no goal: they drive straight together and brake together.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from hpp_framework.braking import Braking
 from hpp_framework.geometry import polar, to_frame, wrap_angle
 from hpp_framework.guard import Guard
 from hpp_framework.halting import Halting
@@ -38,10 +40,11 @@ GAP_OF_TWO = 0.2
 """Metres that two robots keep that drive at each other, both faster than the other last saw them drive."""
 EXACT = 0.03
 """Metres at which it is there."""
-STRAIGHT = 0.5
-"""Radians aside from which on it turns on the spot, in a team where others may stand beside its way."""
-STRAIGHT_OF_TWO = math.pi / 2
-"""The same of two robots: turning while it drives is quicker, and nobody else is there."""
+STRAIGHT = (0.0, 0.5)
+"""Radians aside from which on it drives slower, and turns on the spot: others may stand beside its way."""
+STRAIGHT_OF_TWO = (0.5, math.pi / 2)
+"""The same of two robots near each other: turning while it drives is quicker, and nobody else is there.
+From afar they do not slow down to turn at all: to gain speed again takes longer than to turn."""
 CAREFUL = 0.8
 """Share of the deceleration, driving and turning, that it counts on."""
 CHANGED = 0.05
@@ -56,7 +59,7 @@ class Docking:
 
     In a team each settles as soon as its own way is free, and makes room for the others. Two that may meet
     anywhere meet only if both come, so each makes sure that the other's way is free as well: of what lies
-    between them both see the same.
+    between them both see the same. From afar they drive at each other once each is in the other's view.
 
     Args:
         robots: the team.
@@ -74,6 +77,7 @@ class Docking:
         self.spots = _spots(task, len(robots))
         self.two = len(robots) == 2 and not self.spots
         self.straight = STRAIGHT_OF_TWO if self.two else STRAIGHT
+        self.braking = Braking(robots, agent, task) if self.two else None
         self.sure_of = [0, 1] if self.two else [agent]
         others = [index for index in range(len(robots)) if index != agent]
         self.mates = [*others, *(len(robots) + index for index in others)]
@@ -90,30 +94,27 @@ class Docking:
             spot: where to unless the team settles, world frame, metres.
             command: of the skill.
         """
+        command = self._docked(observation, spot, command)
+        return command if self.braking is None else _slowed(command, self.braking(observation))
+
+    def _docked(
+        self, observation: Observation, spot: Float[Tensor, "b 2"], command: Float[Tensor, "b 2"]
+    ) -> Float[Tensor, "b 2"]:
         room = self._room(observation)
-        slow = _stoppable(room, self.robot.drive.acceleration)
-        command = torch.stack([command[:, 0].minimum(slow), command[:, 1]], -1)
+        command = _slowed(command, _stoppable(room, self.robot.drive.acceleration))
         stance, near = self.stance_among(observation, spot)
-        if not bool(near.any()):
+        afar = torch.zeros_like(near)
+        if self.two:
+            afar = see_each_other(observation, self.robot) & ~near
+            mate = observation.team_poses[:, 1 - self.agent, :2]
+            stance = torch.where(afar[:, None], torch.cat([mate, stance[:, 2:]], -1), stance)
+        docks = near | afar
+        if not bool(docks.any()):
             return command
-        wanted = self._straight(observation, stance, room)
+        wanted = self._straight(observation, stance, room, afar)
         allowed = self.guard(observation, wanted)
         free = ((allowed - wanted).abs() < CHANGED).all(-1) & ~self._blocked(observation, stance[:, :2])
-        return torch.where((near & free)[:, None], wanted, command)
-
-    def aim(self, observation: Observation, waypoint: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
-        """Return where the skill is to drive: straight to the other of two who see each other.
-
-        Who meets anywhere needs no goal then.
-
-        Args:
-            observation: what the agent knows.
-            waypoint: where to else, world frame, metres.
-        """
-        if not self.two:
-            return waypoint
-        mate = observation.team_poses[:, 1 - self.agent, :2]
-        return torch.where(see_each_other(observation, self.robot)[:, None], mate, waypoint)
+        return torch.where((docks & free)[:, None], wanted, command)
 
     def stance_among(
         self, observation: Observation, spot: Float[Tensor, "b 2"]
@@ -140,9 +141,16 @@ class Docking:
         return stance.index_put((rows,), stances[:, self.agent]), near.index_fill(0, rows, True)
 
     def _straight(
-        self, observation: Observation, stance: Float[Tensor, "b 3"], room: Float[Tensor, "b"]
+        self,
+        observation: Observation,
+        stance: Float[Tensor, "b 3"],
+        room: Float[Tensor, "b"],
+        afar: Bool[Tensor, "b"],
     ) -> Float[Tensor, "b 2"]:
-        """Return the command [v, omega] towards a stance, as slow as the room before teammates asks for."""
+        """Return the command [v, omega] towards a stance, as slow as the room before teammates asks for.
+
+        Where the stance is far off, it does not slow down to turn.
+        """
         drive = self.robot.drive
         distance, aside = polar(observation.pose, stance[:, :2]).unbind(-1)
         there = distance < EXACT
@@ -150,7 +158,9 @@ class Docking:
         aside = torch.where(there, look, aside)
         turn = aside.sign() * _stoppable(aside.abs(), drive.turn_acceleration).clamp(max=drive.turn_rate)
         speed = _stoppable(distance.minimum(room), drive.acceleration).clamp(max=drive.speed[1])
-        speed = speed * (1 - aside.abs() / self.straight).clamp(min=0)
+        slows, stops = self.straight
+        share = ((stops - aside.abs()) / (stops - slows)).clamp(0, 1)
+        speed = speed * torch.where(afar, 1.0, share)
         return torch.stack([speed.masked_fill(there, 0.0), turn], -1)
 
     def _blocked(self, observation: Observation, spot: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
@@ -167,6 +177,11 @@ class Docking:
         blocks = (ahead > 0) & (aside.abs() < apart)
         room = ahead - (apart.square() - aside.square()).clamp(min=0).sqrt()
         return torch.where(blocks, room.clamp(min=0), torch.inf).amin(-1)
+
+
+def _slowed(command: Float[Tensor, "b 2"], most: Float[Tensor, "b"]) -> Float[Tensor, "b 2"]:
+    """Return the command at a speed of no more than so many m/s."""
+    return torch.stack([command[:, 0].minimum(most), command[:, 1]], -1)
 
 
 def docks(task: Task, robots: int, *, guided: bool) -> bool:

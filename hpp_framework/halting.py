@@ -32,14 +32,23 @@ class Halting:
 
     def __call__(self, observation: Observation) -> Float[Tensor, "b n 2"]:
         """Return where everybody comes to stand, world frame, metres."""
-        poses = observation.team_poses
-        speed, turn = _motion(observation)
-        heading = poses[..., 2] + turn * turn.abs() / (2 * self.turn_deceleration.to(poses))
-        distance = speed.square() / (2 * self.deceleration.to(poses))
-        return poses[..., :2] + distance[..., None] * torch.stack([heading.cos(), heading.sin()], -1)
+        speed, turn = motion(observation)
+        distance = speed.square() / (2 * self.deceleration.to(speed))
+        return observation.team_poses[..., :2] + distance[..., None] * self.direction(observation, turn)
+
+    def direction(self, observation: Observation, turn: Float[Tensor, "b n"]) -> Float[Tensor, "b n 2"]:
+        """Return the unit vectors along which everybody halts, world frame.
+
+        Args:
+            observation: what the agent knows.
+            turn: everybody's turn rate, rad/s, which ends at full deceleration.
+        """
+        heading = observation.team_poses[..., 2]
+        heading = heading + turn * turn.abs() / (2 * self.turn_deceleration.to(turn))
+        return torch.stack([heading.cos(), heading.sin()], -1)
 
 
-def _motion(observation: Observation) -> tuple[Float[Tensor, "b n"], Float[Tensor, "b n"]]:
+def motion(observation: Observation) -> tuple[Float[Tensor, "b n"], Float[Tensor, "b n"]]:
     """Return everybody's speed (m/s) and turn rate (rad/s)."""
     poses = observation.team_poses
     steps = min(SPEED_STEPS, observation.poses.shape[1] - 1)

@@ -72,14 +72,22 @@ def test_one_that_looks_away_sees_nobody(agent, away):
     assert not bool(see_each_other(seen, team.robots[agent]))
 
 
-def test_skills_are_sent_to_the_other_where_both_see_each_other():
-    goal = torch.tensor([[-4.0, 3.0]])
-    team, seen = observed(FAR_FROM_EACH_OTHER)
-    torch.testing.assert_close(docking_of(team).aim(seen, goal), torch.tensor([[4.0, 0.5]]))
-    team, seen = observed(FAR_FROM_EACH_OTHER, WALL)
-    torch.testing.assert_close(docking_of(team).aim(seen, goal), goal)
-    team, seen = observed([*FAR_FROM_EACH_OTHER, [0.0, 5.0, 0.0]])
-    torch.testing.assert_close(docking_of(team).aim(seen, goal), goal)
+def test_two_that_see_each_other_drive_at_each_other_whatever_their_skills_want():
+    skill, spot = torch.tensor([[0.3, 1.0]]), torch.tensor([[-4.0, 3.0]])
+    team, seen = observed([[-4.0, -0.5, 0.1], [4.0, 0.5, -2.8]])
+    command = docking_of(team)(seen, spot, skill)[0]
+    assert float(command[0]) == pytest.approx(team.robots[0].drive.speed[1])
+    assert abs(float(command[1])) < 0.2, "it faces its mate"
+    for starts, world in ((FAR_FROM_EACH_OTHER, WALL), ([*FAR_FROM_EACH_OTHER, [0.0, 5.0, 0.0]], EMPTY)):
+        team, seen = observed(starts, world)
+        torch.testing.assert_close(docking_of(team)(seen, spot, skill), skill)
+
+
+def test_from_afar_two_do_not_slow_down_to_turn_to_each_other():
+    team, seen = observed([[-4.0, -0.5, 1.7], [4.0, 0.5, -2.8]])
+    command = docking_of(team)(seen, torch.tensor([[-4.0, 3.0]]), torch.zeros(1, 2))[0]
+    assert float(command[0]) == pytest.approx(team.robots[0].drive.speed[1])
+    assert float(command[1]) < -1.0
 
 
 def test_near_each_other_two_drive_to_their_middle_and_turn_meanwhile():
@@ -106,23 +114,21 @@ def test_two_have_no_spots_to_dock_at():
 
 
 def test_meeting_in_sight_goes_with_the_guide(fixed_goal):
-    team, seen = observed(FAR_FROM_EACH_OTHER)
+    team, _ = observed(FAR_FROM_EACH_OTHER)
     task = hub().tasks.create("rendezvous", team.robots)
     skill = hub().skills.create("p2p", team.robots[0])
-    for guide, waypoint in ((True, [4.0, 0.5]), (False, [-4.0, 3.0])):
+    for guide in (True, False):
         agent = make_agent(0, skill, fixed_goal(-4.0, 3.0), task, team.robots, 0, guide=guide)
-        agent.plan(seen)
-        assert agent.goal[0].tolist() == pytest.approx([-4.0, 3.0])
-        assert agent.waypoint[0].tolist() == pytest.approx(waypoint)
+        assert (agent.docking is not None) is guide
 
 
 @pytest.mark.parametrize("task", ["handover", "formation", "dispersion", "region"])
 def test_tasks_in_which_two_do_not_meet_anywhere_send_nobody_to_the_other(task):
     team, seen = observed(FAR_FROM_EACH_OTHER)
     objective = hub().tasks.create(task, team.robots)
-    agent = build_agents(team, "centralized-mp:guide=true", objective)[0]
-    goal = torch.tensor([[-4.0, 3.0]])
-    assert agent.docking is None or torch.equal(agent.docking.aim(seen, goal), goal)
+    docking = build_agents(team, "centralized-mp:guide=true", objective)[0].docking
+    skill = torch.tensor([[0.3, 1.0]])
+    assert docking is None or torch.equal(docking(seen, torch.tensor([[-4.0, 3.0]]), skill), skill)
 
 
 def test_formations_are_left_to_the_skill():
