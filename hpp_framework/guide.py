@@ -24,6 +24,15 @@ BEGINNING = 0.75
 """Metres of a way that tell where it begins."""
 BACK = 1.5
 """Metres along such a way that the skill is sent first: what is near and behind, skills turn round to."""
+UNDER_WAY = 1.0
+"""Metres that a robot has come within :data:`SINCE` if it is under way."""
+SINCE = 5
+"""Keyframes, one a second."""
+BEHIND_UNDER_WAY = 1.8
+"""The same of a robot under way, whose skill is sent to the beginning of the way only.
+
+At speed it would go on as before as soon as it has begun to turn to a point farther off. Who stands turns
+anyway, and would lose time, since skills slow down for what is near."""
 BEYOND = 1.0
 """Metres beyond a place to meet that the skill is sent: about the distance over which skills slow down."""
 ARRIVED = 0.6
@@ -65,7 +74,10 @@ class Guide:
         )  # fmt: skip
         ways = charted_ways(chart, goal[:, None], torch.tensor([BEGINNING, BACK]))
         first, back = ways.points[:, 0, 0].unbind(1)
-        behind = geometry.polar(observation.pose, first)[..., 1].abs() > BEHIND
+        under_way = _under_way(observation)
+        turned = geometry.polar(observation.pose, first)[..., 1].abs()
+        behind = turned > torch.where(under_way, BEHIND_UNDER_WAY, BEHIND)
+        back = torch.where(under_way[:, None], first, back)
         ahead = goal if halt is None else torch.where(halt[:, None], goal, self._beyond(observation, goal))
         return torch.where(behind[:, None], back, ahead)
 
@@ -73,3 +85,12 @@ class Guide:
         towards = goal - observation.pose[:, :2]
         distance = towards.norm(dim=-1, keepdim=True)
         return goal + (self.beyond * towards / distance).where(distance > ARRIVED, 0.0)
+
+
+def _under_way(observation: Observation) -> Bool[Tensor, "b"]:
+    """Return whether the robot has come from elsewhere in the last seconds."""
+    here = observation.pose[:, :2]
+    if observation.keyframes is None:
+        return torch.zeros_like(here[:, 0], dtype=torch.bool)
+    before = observation.keyframes.poses[:, -SINCE:, observation.agent, :2][:, 0]
+    return (here - before).norm(dim=-1) > UNDER_WAY

@@ -9,7 +9,7 @@ import torch
 
 from hpp_framework.agent import make_agent
 from hpp_framework.evaluation.planners import parse_planner
-from hpp_framework.guide import BACK, BEYOND, Guide
+from hpp_framework.guide import BACK, BEGINNING, BEYOND, SINCE, UNDER_WAY, Guide
 from hpp_framework.registry import hub
 from hpp_framework.skill import Skill
 from hpp_framework.types import Keyframes, Observation
@@ -53,6 +53,28 @@ def test_a_robot_is_sent_back_where_the_way_begins_behind(fetch):
     back = Guide(fetch)(before_a_wall(fetch, 0.0), goal)[0]
     assert back.norm() == pytest.approx(BACK, abs=0.2)
     assert back[0] < 0
+
+
+@pytest.mark.parametrize(("came", "sent"), [(UNDER_WAY - 0.1, BACK), (UNDER_WAY + 0.1, BEGINNING)])
+def test_a_robot_under_way_is_sent_to_the_beginning_of_its_way_back(fetch, came, sent):
+    seen = before_a_wall(fetch, 0.0)
+    poses = seen.poses[:, :1].repeat(1, SINCE, 1, 1)
+    poses[:, 0, 0, 0] -= came
+    keyframes = Keyframes(poses, seen.scans[:, :1].repeat(1, SINCE, 1))
+    seen = Observation(0, seen.poses, seen.scans, seen.velocity, keyframes)
+    back = Guide(fetch)(seen, torch.tensor([[-5.0, 0.0]]))[0]
+    assert back.norm() == pytest.approx(sent, abs=0.2)
+    assert back[0] < 0
+
+
+def test_a_robot_under_way_turns_to_a_way_beside_it(fetch):
+    seen, goal = before_a_wall(fetch, 0.0), torch.tensor([[-1.5, -3.0]])
+    torch.testing.assert_close(Guide(fetch)(seen, goal), goal)
+    poses = seen.poses[:, :1].repeat(1, SINCE, 1, 1)
+    poses[:, 0, 0, 0] -= 2 * UNDER_WAY
+    keyframes = Keyframes(poses, seen.scans[:, :1].repeat(1, SINCE, 1))
+    seen = Observation(0, seen.poses, seen.scans, seen.velocity, keyframes)
+    assert Guide(fetch)(seen, goal)[0].norm() == pytest.approx(BEGINNING, abs=0.2)
 
 
 def test_the_way_counts_and_not_where_the_goal_lies(fetch):
