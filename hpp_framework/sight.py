@@ -6,6 +6,8 @@ it is the one place where no guess about the other is needed.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -55,5 +57,10 @@ def see_each_other(observation: Observation, robot: RobotSpec) -> Bool[Tensor, "
     distance, bearing = polar(own, mate[:, :2]).unbind(-1)
     facing = torch.maximum(bearing.abs(), polar(mate, own[:, :2])[..., 1].abs())
     seen = (facing < robot.lidar.field_of_view / 2) & (distance < robot.lidar.max_range)
-    points, still = seen_points(observation, robot.lidar)
-    return seen & ~in_the_way(own, mate[:, :2], points, still, robot.footprint_radius)
+    # what the present scan shows in the way needs no search of what earlier ones saw
+    for known in (replace(observation, keyframes=None), observation):
+        rows = seen.nonzero()[:, 0]
+        points, still = seen_points(known.episodes(rows), robot.lidar)
+        blocked = in_the_way(own[rows], mate[rows, :2], points, still, robot.footprint_radius)
+        seen = seen.index_put((rows,), ~blocked)
+    return seen
