@@ -2,7 +2,7 @@
 
 Agents rest as soon as braking fulfils it (:class:`~hpp_framework.agent.Rest`), and drive on as before until
 then. They decide once a control step, so two that drive at each other at 1 m/s may drive 0.4 m farther than
-they need, and take two steps more to stand. Here each drives on, for the coming step, as fast as it takes.
+they need, and take two steps more to stand. Here each drives on, for one step, at the least speed that does.
 """
 
 from __future__ import annotations
