@@ -29,10 +29,10 @@ UNDER_WAY = 1.0
 SINCE = 5
 """Keyframes, one a second."""
 BEHIND_UNDER_WAY = 1.8
-"""The same of a robot under way, whose skill is sent to the beginning of the way only.
+"""The same of one of two robots under way, whose skill is sent to the beginning of the way only.
 
 At speed it would go on as before as soon as it has begun to turn to a point farther off. Who stands turns
-anyway, and would lose time, since skills slow down for what is near."""
+anyway, and would lose time, since skills slow down for what is near. Larger teams do not circle."""
 BEYOND = 1.0
 """Metres beyond a place to meet that the skill is sent: about the distance over which skills slow down."""
 ARRIVED = 0.6
@@ -88,9 +88,9 @@ class Guide:
 
 
 def _under_way(observation: Observation) -> Bool[Tensor, "b"]:
-    """Return whether the robot has come from elsewhere in the last seconds."""
+    """Return whether the robot is one of two and has come from elsewhere in the last seconds."""
     here = observation.pose[:, :2]
-    if observation.keyframes is None:
+    if observation.keyframes is None or observation.team_poses.shape[1] != 2:
         return torch.zeros_like(here[:, 0], dtype=torch.bool)
     before = observation.keyframes.poses[:, -SINCE:, observation.agent, :2][:, 0]
     return (here - before).norm(dim=-1) > UNDER_WAY
