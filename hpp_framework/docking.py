@@ -105,7 +105,8 @@ class Docking:
         stance, near = self.stance_among(observation, spot)
         afar = torch.zeros_like(near)
         if self.two:
-            afar = see_each_other(observation, self.robot) & ~near
+            apart = (~near).nonzero()[:, 0]
+            afar = afar.index_put((apart,), see_each_other(observation.episodes(apart), self.robot))
             mate = observation.team_poses[:, 1 - self.agent, :2]
             stance = torch.where(afar[:, None], torch.cat([mate, stance[:, 2:]], -1), stance)
         docks = near | afar
