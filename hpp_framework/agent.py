@@ -107,7 +107,7 @@ class Agent:
         guard: keeps the robot off obstacles; None drives as the skill wants.
         guide: turns the robot round at a plan where its way leads back, and keeps it from slowing down before
             a place to meet; None leaves all ways to the skill.
-        docking: takes over from the skill near the robot's spot in a gathering, and sends two that see each
+        docking: takes over from the skill near the robot's spot in a gathering, and drives two that see each
             other straight together; None leaves it to the skill.
 
     Attributes:

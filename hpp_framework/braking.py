@@ -47,9 +47,9 @@ class Braking:
     def __call__(self, observation: Observation) -> Float[Tensor, "b"]:
         """Return the speed in m/s that is enough; infinite where none within one step's reach is."""
         poses = observation.team_poses
-        _, turn = motion(observation)
+        mean, turn = motion(observation)
         deceleration = self.halting.deceleration.to(poses)
-        speed = speeds_now(observation, deceleration)[:, None]
+        speed = speeds_now(observation, mean, deceleration)[:, None]
         changed = (speed + self.share.to(poses) * deceleration * CONTROL_PERIOD).clamp(min=0)
         changed = changed.minimum(self.top.to(poses))
         while_changing = torch.where(
@@ -63,7 +63,9 @@ class Braking:
         return torch.where(met.any(1), enough, torch.inf)
 
 
-def speeds_now(observation: Observation, acceleration: Float[Tensor, "n"]) -> Float[Tensor, "b n"]:
+def speeds_now(
+    observation: Observation, mean: Float[Tensor, "b n"], acceleration: Float[Tensor, "n"]
+) -> Float[Tensor, "b n"]:
     """Return everybody's present speed, m/s: one's own by odometry, the others' as their history goes on.
 
     A mean over the last poses lags behind who speeds up. The change of two means tells by how much; as poses
@@ -71,17 +73,17 @@ def speeds_now(observation: Observation, acceleration: Float[Tensor, "n"]) -> Fl
 
     Args:
         observation: what the agent knows.
+        mean: what :func:`~hpp_framework.halting.motion` says of speeds, m/s.
         acceleration: of each robot, m/s^2.
     """
     places = observation.poses[..., :2]
     half = (places.shape[1] - 1) // 2
-    own, _ = motion(observation)
     if half == 0:
-        return own
+        return mean
     elapsed = half * CONTROL_PERIOD
     late = (places[:, -1] - places[:, -1 - half]).norm(dim=-1) / elapsed
     early = (places[:, -1 - half] - places[:, -1 - 2 * half]).norm(dim=-1) / elapsed
     most = acceleration.to(places) * elapsed / 2
     carried_on = (late + ((late - early) / 2).maximum(-most).minimum(most)).clamp(min=0)
     mine = torch.arange(places.shape[2], device=places.device) == observation.agent
-    return torch.where(mine, own, carried_on)
+    return torch.where(mine, mean, carried_on)

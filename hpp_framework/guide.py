@@ -24,15 +24,15 @@ BEGINNING = 0.75
 """Metres of a way that tell where it begins."""
 BACK = 1.5
 """Metres along such a way that the skill is sent first: what is near and behind, skills turn round to."""
+BEHIND_UNDER_WAY = 1.8
+"""The bearing from which a way begins behind one of two robots under way, sent to the beginning of it only.
+
+At speed it would go on as before as soon as it has begun to turn to a point farther off. Who stands turns
+anyway, and would lose time, since skills slow down for what is near. Larger teams do not circle."""
 UNDER_WAY = 1.0
 """Metres that a robot has come within :data:`SINCE` if it is under way."""
 SINCE = 5
 """Keyframes, one a second."""
-BEHIND_UNDER_WAY = 1.8
-"""The same of one of two robots under way, whose skill is sent to the beginning of the way only.
-
-At speed it would go on as before as soon as it has begun to turn to a point farther off. Who stands turns
-anyway, and would lose time, since skills slow down for what is near. Larger teams do not circle."""
 BEYOND = 1.0
 """Metres beyond a place to meet that the skill is sent: about the distance over which skills slow down."""
 ARRIVED = 0.6

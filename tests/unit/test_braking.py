@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from hpp_framework.braking import SHORT, Braking, speeds_now
+from hpp_framework.halting import motion
 from hpp_framework.registry import hub
 from hpp_framework.sim.simulator import CONTROL_PERIOD
 from hpp_framework.team import parse_team
@@ -73,7 +74,7 @@ def test_both_come_to_the_same_share():
 def test_a_pose_off_by_a_hand_does_not_make_a_racer():
     seen = approaching(6.0, [0.5, 0.5])
     seen.poses[0, -1, 1, 0] -= 0.3
-    speed = speeds_now(seen, torch.tensor(DECELERATION))[0, 1].item()
+    speed = speeds_now(seen, motion(seen)[0], torch.tensor(DECELERATION))[0, 1].item()
     assert speed < 0.5 + 0.3 / (2 * CONTROL_PERIOD) + 2 * DECELERATION[1] * CONTROL_PERIOD
 
 
