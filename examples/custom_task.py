@@ -14,9 +14,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from hpp_framework.core.task import Task, relative_speed
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
-from hpp_framework.registry import hub
-from hpp_framework.task import Task, relative_speed
+from hpp_framework.plugins.registry import hub
 
 
 class MeetAtDoor(Task):

@@ -4,7 +4,8 @@ A *team* of *robots* in a *world* pursues a *task*. Each robot's *agent* runs a 
 *predictors* "where would we all be if we shared this goal?", scores the answer with the *task reward*, keeps
 a *belief* over goals, and hands the best goal to a *skill*, which drives the robot.
 
-Each noun is a module or a folder here, and what can be chosen by name is in :mod:`hpp_framework.registry`.
+Each noun is a module or a folder here, and what can be chosen by name is in
+:mod:`hpp_framework.plugins.registry`.
 """
 
 from importlib.metadata import version

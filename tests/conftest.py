@@ -14,12 +14,12 @@ PACKAGES = ("hpp_framework", "robots/hpp_robots", "skills/hpp_skills", "tasks/hp
 CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
 UNCHECKED = {
     # Warp compiles the source of its kernels; wrapping them breaks that
-    "hpp_framework.guard_kernels",
-    "hpp_framework.sim.batch_kernels",
-    "hpp_framework.sim.drive_kernels",
-    "hpp_framework.sim.lidar_kernels",
+    "hpp_framework.control.safety_kernels",
+    "hpp_framework.sim.batch.kernels",
+    "hpp_framework.sim.batch.drive_kernels",
+    "hpp_framework.sim.batch.lidar_kernels",
     "hpp_framework.prediction.one_step_kernels",
-    "hpp_framework.prediction.chart_kernels",
+    "hpp_framework.perception.local_map_kernels",
     "hpp_skills.dwa.window_kernels",
     "hpp_framework.worlds.geodesic_kernels",
     "hpp_tasks.parking_kernels",
@@ -39,7 +39,7 @@ def _modules() -> list[str]:
 
 # must come before the first import of any of them: modules imported earlier would go unchecked;
 # pytest itself imports the errors, to make our warnings fail tests
-_early = sorted(set(sys.modules) & set(_modules()) - {"hpp_framework.errors"})
+_early = sorted(set(sys.modules) & set(_modules()) - {"hpp_framework.utils.errors"})
 assert not _early, f"imported before the shape checks were switched on: {_early}"
 jaxtyping.install_import_hook(_modules(), CHECKER)
 
@@ -47,10 +47,10 @@ import numpy as np  # noqa: E402  # after the hook, as above
 import pytest  # noqa: E402  # after the hook
 import torch  # noqa: E402  # after the hook
 
-from hpp_framework.planner import MetaPlanner, certain  # noqa: E402  # after the hook
-from hpp_framework.registry import hub  # noqa: E402  # after the hook
-from hpp_framework.robot import RobotSpec  # noqa: E402  # after the hook
-from hpp_framework.worlds.world import Box, Cylinder, World  # noqa: E402  # after the hook
+from hpp_framework.core.planner import MetaPlanner, certain  # noqa: E402  # after the hook
+from hpp_framework.core.robot import RobotSpec  # noqa: E402  # after the hook
+from hpp_framework.core.world import Box, Cylinder, World  # noqa: E402  # after the hook
+from hpp_framework.plugins.registry import hub  # noqa: E402  # after the hook
 
 # two threads on shared cores are slower than one, and one is the same on every machine
 torch.set_num_threads(1)
@@ -129,7 +129,7 @@ def register(monkeypatch):
     """Return a function that registers a factory for the length of one test."""
 
     def add(kind, name, factory):
-        from hpp_framework.registry import hub
+        from hpp_framework.plugins.registry import hub
 
         registry = hub().registries()[kind]
         monkeypatch.setattr(registry, "_entries", dict(registry._entries))

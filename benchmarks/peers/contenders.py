@@ -173,8 +173,8 @@ def _sapien():  # noqa: ANN202  # the class lives in a package that may be missi
 
     from hpp_framework.bench.measurement import Settings
     from hpp_framework.bench.rooms import robots_of
-    from hpp_framework.sim.sapien import SapienSimulator
-    from hpp_framework.worlds.world import Box, World
+    from hpp_framework.core.world import Box, World
+    from hpp_framework.sim.sapien.simulator import SapienSimulator
 
     boxes = tuple(Box(center=(x, y), size=(w, d), yaw=yaw) for x, y, w, d, yaw in room())
     simulator = SapienSimulator(robots_of(Settings(), ROBOTS, BEAMS))

@@ -12,8 +12,8 @@ from typing import Any
 import torch
 
 from hpp_framework.bench.measurement import Measurement, Settings, rates, timed
-from hpp_framework.versions import installed
-from hpp_framework.workers import available_cores
+from hpp_framework.utils.executor import available_cores
+from hpp_framework.utils.versions import installed
 
 PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "stable-baselines3")
 

@@ -18,8 +18,8 @@ from typing import Literal, TypeVar
 import numpy as np
 import torch
 
-from hpp_framework.errors import HppError
-from hpp_framework.workers import available_cores
+from hpp_framework.utils.errors import HppError
+from hpp_framework.utils.executor import available_cores
 
 T = TypeVar("T")
 Scale = Literal["tiny", "quick", "full"]

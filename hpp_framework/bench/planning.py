@@ -12,18 +12,19 @@ import torch
 
 from hpp_framework.bench.measurement import Measurement, Parameter, Settings, ratios, timed
 from hpp_framework.bench.rooms import named_world, team_of
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import MetaPlanner, PlannerContext
+from hpp_framework.core.predictor import PredictorRequest
+from hpp_framework.core.team import Team
+from hpp_framework.core.types import Observation
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
-from hpp_framework.planner import MetaPlanner, PlannerContext
-from hpp_framework.planning.cem import CemConfig
-from hpp_framework.planning.hpp import PRESETS, HppConfig, HppPlanner
-from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
-from hpp_framework.predictor import PredictorRequest
-from hpp_framework.registry import hub
-from hpp_framework.seeding import numpy_rng, torch_rng
-from hpp_framework.sensing import HISTORY, NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import Team
-from hpp_framework.types import Observation
+from hpp_framework.perception.sensing import HISTORY, Sensing
+from hpp_framework.planning.hpp.cem import CemConfig
+from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.planning.hpp.planner import PRESETS, HppConfig, HppPlanner
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.seeding import numpy_rng, torch_rng
 from hpp_framework.worlds.spawn import spawn_poses
 
 Plan = Callable[[], object]

@@ -19,11 +19,12 @@ from hpp_framework.bench.measurement import (
     ratios,
     timed,
 )
+from hpp_framework.core.predictor import PredictorTraining
+from hpp_framework.core.team import Team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
 from hpp_framework.prediction.collect import Collection, collect
-from hpp_framework.predictor import PredictorTraining
-from hpp_framework.registry import hub
-from hpp_framework.team import Team, parse_team
-from hpp_framework.workers import Report, run_tasks
+from hpp_framework.utils.executor import Report, run_tasks
 from hpp_framework.worlds.pool import build_pool
 
 

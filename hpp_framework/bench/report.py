@@ -15,7 +15,7 @@ from rich.table import Table
 
 from hpp_framework.bench.measurement import Measurement, Settings
 from hpp_framework.bench.suite import Result
-from hpp_framework.files import replacing
+from hpp_framework.utils.files import replacing
 
 QUANTILES = {"median": 0.5, "lowest": 0.0, "q25": 0.25, "q75": 0.75, "p99": 0.99, "highest": 1.0}
 COLUMNS = ("benchmark", "name", "parameters", "unit", *QUANTILES, "repeats", "load")

@@ -12,12 +12,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.bench.measurement import Settings
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.team import Team, parse_team
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import Team
+from hpp_framework.core.world import Box, World
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.world import Box, World
 
 SIDES = (0.2, 0.6)
 """Shortest and longest side of a box, metres."""

@@ -11,10 +11,10 @@ import torch
 
 from hpp_framework.bench.measurement import Measurement, Settings, SkippedError, rates, ratios, timed
 from hpp_framework.bench.rooms import WALL_SEGMENTS, furnished, robots_of, starts
-from hpp_framework.errors import SimulatorError
-from hpp_framework.seeding import numpy_rng, torch_rng
 from hpp_framework.sim import make_simulator
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import SimulatorError
+from hpp_framework.utils.seeding import numpy_rng, torch_rng
 
 BOXES = 20
 """Boxes of the usual case; with the outer walls they are 96 segments."""
@@ -170,7 +170,7 @@ def sapien(settings: Settings) -> Iterator[Measurement]:
         simulator = make_simulator("sapien", robots)
     except SimulatorError as error:
         raise SkippedError(str(error)) from error
-    from hpp_framework.sim.sapien import SapienSimulator
+    from hpp_framework.sim.sapien.simulator import SapienSimulator
 
     assert isinstance(simulator, SapienSimulator)
     rng = numpy_rng(settings.seed, "bench", "rooms")

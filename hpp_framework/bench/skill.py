@@ -12,12 +12,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hpp_framework.bench.measurement import Measurement, Settings, SkippedError, rates, timed
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.skill import SkillTraining
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
-from hpp_framework.registry import hub
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.skill import SkillTraining
-from hpp_framework.team import parse_team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.seeding import numpy_rng
 
 NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=0.02, dropout=0.01)
 """Of the navigation environment, moderate."""

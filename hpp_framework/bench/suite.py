@@ -9,8 +9,8 @@ from importlib import import_module
 import torch
 
 from hpp_framework.bench.measurement import Measurement, Settings, SkippedError
-from hpp_framework.errors import ConfigError, unknown_name
-from hpp_framework.team import parse_team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.utils.errors import ConfigError, unknown_name
 
 Benchmark = Callable[[Settings], Iterator[Measurement]]
 

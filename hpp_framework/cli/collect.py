@@ -38,9 +38,9 @@ class Collect:
         """Collect with a progress bar."""
         import torch
 
+        from hpp_framework.config.team_file import resolve_team
         from hpp_framework.prediction.collect import Collection, collect
-        from hpp_framework.team_file import resolve_team
-        from hpp_framework.workers import available_cores
+        from hpp_framework.utils.executor import available_cores
         from hpp_framework.worlds.loader import resolve_world
 
         workers = available_cores() if self.workers is None else self.workers

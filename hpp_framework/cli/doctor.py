@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.markup import escape
 
-from hpp_framework.versions import installed
+from hpp_framework.utils.versions import installed
 
 PACKAGES = (
     "hpp-framework", "torch", "numpy", "gymnasium", "pettingzoo", "stable-baselines3", "warp-lang", "sapien",
@@ -85,7 +85,7 @@ def _opencv() -> Finding:
 
 
 def _plugins() -> Finding:
-    from hpp_framework.registry import hub
+    from hpp_framework.plugins.registry import hub
 
     registries = hub().registries()
     counts = [f"{sum(1 for _ in registries[name])} {name}" for name in COUNTED]
@@ -113,9 +113,9 @@ def _drive(backend: str) -> None:
     """Drive a robot for one step."""
     import torch
 
-    from hpp_framework.robot import DriveLimits, Lidar, RobotSpec
+    from hpp_framework.core.robot import DriveLimits, Lidar, RobotSpec
+    from hpp_framework.core.world import World
     from hpp_framework.sim import make_simulator
-    from hpp_framework.worlds.world import World
 
     # no plugin's robot: this is about the simulator
     robot = RobotSpec(
@@ -132,7 +132,7 @@ def _drive(backend: str) -> None:
 
 
 def _pictures() -> Finding:
-    from hpp_framework.sim.sapien_render import rendering_problem
+    from hpp_framework.sim.sapien.render import rendering_problem
 
     problem = rendering_problem()
     if problem is None:
@@ -151,7 +151,7 @@ def _cuda() -> Finding:
 
 
 def _weights() -> Finding:
-    from hpp_framework.checkpoints import weight_folders
+    from hpp_framework.plugins.weights import weight_folders
 
     files = [file for folder in weight_folders(()) for file in folder.glob("*/*.safetensors")]
     remedy = "" if files else "Train predictors: hpp collect, then hpp train predictor."

@@ -19,7 +19,7 @@ from hpp_framework.cli.evaluate_tables import (
 )
 from hpp_framework.cli.options import Noise, Pairs, names, to_experiment
 from hpp_framework.cli.progress import cell_bars
-from hpp_framework.errors import ConfigError
+from hpp_framework.utils.errors import ConfigError
 
 TABLE_WIDTH = 120
 

@@ -14,11 +14,11 @@ from rich.progress import track
 from rich.table import Table
 
 from hpp_framework.cli.options import check_folder
-from hpp_framework.errors import ConfigError
+from hpp_framework.utils.errors import ConfigError
 
 if TYPE_CHECKING:
-    from hpp_framework.evaluation.decisions import Decision
-    from hpp_framework.evaluation.record import EpisodeRecord
+    from hpp_framework.viz.decisions import Decision
+    from hpp_framework.viz.record import EpisodeRecord
 
 TABLE_WIDTH = 140
 
@@ -39,9 +39,9 @@ class Inspect:
 
     def run(self) -> None:
         """Print and draw."""
-        from hpp_framework.evaluation.decisions import decisions
-        from hpp_framework.evaluation.inspection import Inspection, write_page, write_pictures
-        from hpp_framework.evaluation.record_file import load_record
+        from hpp_framework.viz.decisions import decisions
+        from hpp_framework.viz.inspection import Inspection, write_page, write_pictures
+        from hpp_framework.viz.record_file import load_record
 
         record = load_record(self.episode)
         found = decisions(record)
@@ -93,8 +93,8 @@ def decision_table(record: EpisodeRecord, found: Sequence[Decision], numbers: Se
         found: its decisions.
         numbers: which of them.
     """
-    from hpp_framework.evaluation.decisions import HORIZONS
-    from hpp_framework.evaluation.inspection import errors_text
+    from hpp_framework.viz.decisions import HORIZONS
+    from hpp_framework.viz.inspection import errors_text
 
     table = Table(box=None)
     errors = [f"error {seconds:g} s" for seconds in HORIZONS]
@@ -115,7 +115,7 @@ def decision_table(record: EpisodeRecord, found: Sequence[Decision], numbers: Se
 
 
 def _print_decision(console: Console, decision: Decision) -> None:
-    from hpp_framework.evaluation.inspection import top_text
+    from hpp_framework.viz.inspection import top_text
 
     console.print(f"why: {escape(decision.why)}")
     for rank, text in enumerate(top_text(decision), start=1):

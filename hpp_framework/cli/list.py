@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hpp_framework.errors import unknown_name
-from hpp_framework.registry import Hub, hub
+from hpp_framework.plugins.registry import Hub, hub
+from hpp_framework.utils.errors import unknown_name
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from hpp_framework.cli.reproduce import Reproduce
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.search import Search
 from hpp_framework.cli.train import Train
-from hpp_framework.errors import HppError
-from hpp_framework.memory import keep_freed_memory
+from hpp_framework.utils.errors import HppError
+from hpp_framework.utils.memory import keep_freed_memory
 
 Command = (
     Annotated[Run, tyro.conf.subcommand("run")]

@@ -53,10 +53,10 @@ class NewRobot:
 
     def run(self) -> None:
         """Write it and say what comes next."""
-        from hpp_framework.errors import ConfigError
         from hpp_framework.onboarding.names import parse_name
         from hpp_framework.onboarding.scaffold import THINGS
         from hpp_framework.onboarding.urdf.module import module_of_urdf
+        from hpp_framework.utils.errors import ConfigError
 
         if self.urdf is None and self.answers is not None:
             raise ConfigError("--answers adds to what a URDF says; give --urdf too, or leave it out.")

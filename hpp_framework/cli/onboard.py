@@ -45,12 +45,12 @@ class Onboard:
 
     def run(self) -> None:
         """Show the plan, do it, and say what to do with what came out."""
+        from hpp_framework.config.settings import altered, parse_settings
         from hpp_framework.onboarding.config import make_onboarding
         from hpp_framework.onboarding.run import onboard
         from hpp_framework.onboarding.scale import find_scale
         from hpp_framework.onboarding.stages import WEIGHTS
-        from hpp_framework.settings import altered, parse_settings
-        from hpp_framework.workers import available_cores
+        from hpp_framework.utils.executor import available_cores
 
         workers = available_cores() if self.workers is None else self.workers
         check_positive(workers=workers)
@@ -68,7 +68,7 @@ class Onboard:
 
 def _own_folder(newcomer: str) -> Path | None:
     """Return the one folder of weights that the newcomer's package registers; None if there is none such."""
-    from hpp_framework.registry import hub
+    from hpp_framework.plugins.registry import hub
 
     registry = hub().robots if newcomer in hub().robots else hub().skills
     package = registry.entry(newcomer).distribution

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.settings import parse_settings
+from hpp_framework.config.settings import parse_settings
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.utils.errors import ConfigError
 
 if TYPE_CHECKING:
     from hpp_framework.evaluation.experiment import Experiment

@@ -43,7 +43,7 @@ class Reproduce:
         from hpp_framework.reproduction.judge import verdict_lines, write_claims
         from hpp_framework.reproduction.report import write_report
         from hpp_framework.reproduction.run import reproduce
-        from hpp_framework.workers import available_cores
+        from hpp_framework.utils.executor import available_cores
 
         workers = available_cores() if self.workers is None else self.workers
         check_positive(workers=workers)

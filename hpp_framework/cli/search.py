@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 import tyro
 
 from hpp_framework.cli.options import check_folder, check_positive
-from hpp_framework.errors import ConfigError
-from hpp_framework.settings import parse_settings
+from hpp_framework.config.settings import parse_settings
+from hpp_framework.utils.errors import ConfigError
 
 if TYPE_CHECKING:
-    from hpp_framework.training.search_phase import SearchEvent
+    from hpp_framework.training.search.phase import SearchEvent
 
 Number = TypeVar("Number", int, float)
 
@@ -53,11 +53,11 @@ class Search:
 
     def run(self) -> None:
         """Search, with a progress bar a trial, and print how to train the winner."""
-        from hpp_framework.registry import hub
-        from hpp_framework.training.search import search_skill
-        from hpp_framework.training.search_config import SearchConfig
-        from hpp_framework.training.search_report import REPORT, train_command
-        from hpp_framework.workers import available_cores
+        from hpp_framework.plugins.registry import hub
+        from hpp_framework.training.search.config import SearchConfig
+        from hpp_framework.training.search.report import REPORT, train_command
+        from hpp_framework.training.search.run import search_skill
+        from hpp_framework.utils.executor import available_cores
 
         hub().robots.entry(self.robot)
         hub().skill_searches.entry(self.name)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from hpp_framework.cli.options import check_folder, check_positive, names
-from hpp_framework.errors import ConfigError
-from hpp_framework.settings import altered, parse_settings
+from hpp_framework.config.settings import altered, parse_settings
+from hpp_framework.utils.errors import ConfigError
 
 if TYPE_CHECKING:
-    from hpp_framework.predictor import TrainingProgress
+    from hpp_framework.core.predictor import TrainingProgress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +42,8 @@ class TrainSkill:
 
     def run(self) -> None:
         """Train."""
-        from hpp_framework.registry import hub
-        from hpp_framework.skill import SkillTraining
+        from hpp_framework.core.skill import SkillTraining
+        from hpp_framework.plugins.registry import hub
 
         hub().robots.entry(self.robot)
         hub().skill_trainers.entry(self.name)
@@ -87,12 +87,12 @@ class TrainPredictor:
 
     def run(self) -> None:
         """Train, with a progress bar a model."""
+        from hpp_framework.core.predictor import PredictorTraining
+        from hpp_framework.plugins.registry import hub
         from hpp_framework.prediction.dataset import collected_team
         from hpp_framework.prediction.library import model_pairs
-        from hpp_framework.predictor import PredictorTraining
-        from hpp_framework.registry import hub
         from hpp_framework.training.predictors import train_predictors
-        from hpp_framework.workers import available_cores
+        from hpp_framework.utils.executor import available_cores
 
         hub().predictor_trainers.entry(self.name)
         workers = available_cores() if self.workers is None else self.workers
@@ -134,13 +134,13 @@ class TrainMaddpg:
 
     def run(self) -> None:
         """Train, with a progress bar a seed."""
-        from hpp_framework.planning.maddpg import feature_count
-        from hpp_framework.registry import hub
-        from hpp_framework.team import parse_team
-        from hpp_framework.training.maddpg_figure import plot_seeds
-        from hpp_framework.training.maddpg_practice import Recipe
-        from hpp_framework.training.maddpg_seeds import MaddpgTraining, keep_best, train_seed
-        from hpp_framework.workers import run_tasks
+        from hpp_framework.planning.baselines.maddpg import feature_count
+        from hpp_framework.plugins.build import parse_team
+        from hpp_framework.plugins.registry import hub
+        from hpp_framework.training.maddpg.figure import plot_seeds
+        from hpp_framework.training.maddpg.practice import Recipe
+        from hpp_framework.training.maddpg.seeds import MaddpgTraining, keep_best, train_seed
+        from hpp_framework.utils.executor import run_tasks
 
         check_positive(steps=self.steps, workers=self.workers)
         hub().tasks.entry(self.task)

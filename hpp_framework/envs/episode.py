@@ -17,20 +17,23 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from hpp_framework.envs.picture import Picture
+from hpp_framework.config.task_file import make_task
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.task import Task
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, State
+from hpp_framework.core.world import World
 from hpp_framework.envs.spaces import check_bounds, to_numbers
-from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.seeding import numpy_rng, torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim import CONTROL_PERIOD, make_simulator
-from hpp_framework.task import Task
-from hpp_framework.task_choice import make_task
-from hpp_framework.team import Team, parse_team
-from hpp_framework.types import Observation, State
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.sim import make_simulator
+from hpp_framework.utils.errors import ConfigError, SimulatorError
+from hpp_framework.utils.seeding import numpy_rng, torch_rng
+from hpp_framework.viz.picture import Picture
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import World
 
 FloatArray = npt.NDArray[np.floating]
 

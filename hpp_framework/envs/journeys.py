@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework import geometry
+from hpp_framework.core import geometry
 from hpp_framework.worlds.pool import WorldPool
 
 CANDIDATES = 16

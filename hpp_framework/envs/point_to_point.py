@@ -16,7 +16,12 @@ import torch
 from gymnasium.vector import AutoresetMode
 from torch import Tensor
 
-from hpp_framework import geometry
+from hpp_framework.core import geometry
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import State
+from hpp_framework.core.world import World
 from hpp_framework.envs.journeys import Journeys
 from hpp_framework.envs.problem import PointToPoint, Practice
 from hpp_framework.envs.spaces import (
@@ -27,16 +32,12 @@ from hpp_framework.envs.spaces import (
     scan_space,
     unit_space,
 )
-from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import child_seed, torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.types import State
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError, SimulatorError
+from hpp_framework.utils.seeding import child_seed, torch_rng
 from hpp_framework.worlds.pool import WorldPool, build_pool
-from hpp_framework.worlds.world import World
 
 START_GAP = 0.3
 """Smallest gap between two footprints at the start, in metres."""

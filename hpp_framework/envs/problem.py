@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.sensing import NoiseModel
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.utils.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)

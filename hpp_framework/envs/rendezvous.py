@@ -19,9 +19,15 @@ from gymnasium import spaces
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.agent import Agent, make_agent
+from hpp_framework.agents.hierarchical import Agent, make_agent
+from hpp_framework.core.option import BUDGET, Option
+from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation
+from hpp_framework.core.world import World
 from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
-from hpp_framework.envs.picture import check_mode
 from hpp_framework.envs.spaces import (
     FloatArray,
     check_action,
@@ -32,15 +38,10 @@ from hpp_framework.envs.spaces import (
     to_arrays,
     unit_space,
 )
-from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.option import BUDGET, MakeOption, Option, make_option
-from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
-from hpp_framework.registry import hub
-from hpp_framework.sim import CONTROL_PERIOD
-from hpp_framework.skill import Skill
-from hpp_framework.team import Team
-from hpp_framework.types import Observation
-from hpp_framework.worlds.world import World
+from hpp_framework.plugins.build import MakeOption, make_option, make_skills
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError, SimulatorError
+from hpp_framework.viz.picture import check_mode
 
 PlannerFactory = Callable[[PlannerContext], MetaPlanner]
 
@@ -118,7 +119,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
             raise ConfigError(f"learner must be the index of a robot, 0 to {count - 1}, got {learner}.")
         self.learner = learner
         self._factory = hub().planners.entry(teammates).factory() if isinstance(teammates, str) else teammates
-        self._skills = self.episode.team.skills()
+        self._skills = make_skills(self.episode.team)
         robot = self.episode.team.robots[learner]
         self.observation_space = spaces.Dict(
             {"scan": scan_space(robot), "poses": poses_space(count), "velocity": command_space(robot)}

@@ -8,14 +8,14 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 
-from hpp_framework.envs.picture import Picture, check_mode
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
 from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.envs.spaces import FloatArray, check_action
-from hpp_framework.errors import SimulatorError
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.sim import CONTROL_PERIOD
+from hpp_framework.utils.errors import SimulatorError
+from hpp_framework.viz.picture import Picture, check_mode
 
 
 class PointToPointEnv(gym.Env[Any, Any]):

@@ -13,11 +13,11 @@ from gymnasium import spaces
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework import geometry
-from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.robot import RobotSpec
-from hpp_framework.types import Observation
-from hpp_framework.worlds.world import World
+from hpp_framework.core import geometry
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.types import Observation
+from hpp_framework.core.world import World
+from hpp_framework.utils.errors import ConfigError, SimulatorError
 
 FloatArray = npt.NDArray[np.float32]
 

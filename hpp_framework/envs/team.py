@@ -15,9 +15,12 @@ import torch
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from hpp_framework import geometry
+from hpp_framework.core import geometry
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.world import World
 from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
-from hpp_framework.envs.picture import check_mode
 from hpp_framework.envs.spaces import (
     FloatArray,
     check_action,
@@ -29,12 +32,9 @@ from hpp_framework.envs.spaces import (
     to_arrays,
     to_numbers,
 )
-from hpp_framework.errors import ConfigError, SimulatorError, unknown_name
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.sim import CONTROL_PERIOD
-from hpp_framework.team import Team
-from hpp_framework.worlds.world import World
+from hpp_framework.utils.errors import ConfigError, SimulatorError, unknown_name
+from hpp_framework.utils.seeding import numpy_rng
+from hpp_framework.viz.picture import check_mode
 
 Observations = dict[str, dict[str, FloatArray]]
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES, bin_of
 from hpp_framework.evaluation.skill_score import SkillRow, score
-from hpp_framework.files import replacing
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import replacing
 
 TRUSTED_SHARE, TRUSTED_EPISODES = 0.85, 20
 """PRM-RL connects two places if the skill gets from one to the other in at least 17 of 20 tries, success 0.85

@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation.rollout import Episodes
-from hpp_framework.sim.simulator import CONTROL_PERIOD
 
 AGREED = 0.5
 """Metres between the goals of two robots below which they agree."""

@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation.rollout import EPISODE_STEPS, Episodes
 from hpp_framework.evaluation.statistics import Z95
-from hpp_framework.files import replacing
-from hpp_framework.sim.simulator import CONTROL_PERIOD
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import replacing
 
 CURVES, BANDS = "distances", "distance.npz"
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)

@@ -15,29 +15,30 @@ from typing import Any
 import numpy as np
 import torch
 
-from hpp_framework.agent import Agent
-from hpp_framework.attendance import Shift, shifts
-from hpp_framework.errors import ConfigError, unknown_name
+from hpp_framework.agents.hierarchical import Agent
+from hpp_framework.agents.scheduled import Shift, shifts
+from hpp_framework.config.planner_choice import parameters, parse_planner
+from hpp_framework.config.task_file import make_task
+from hpp_framework.config.team_file import build_team, effective_team, is_team_file, read_team_file
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import PRESETS
+from hpp_framework.core.team import Team
+from hpp_framework.core.world import World
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.distances import curve_file, distance_curves, write_bands, write_curves
 from hpp_framework.evaluation.marl_eval import marl_eval_layout
-from hpp_framework.evaluation.planners import parameters, parse_planner
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.turns import join_agents, least_times
-from hpp_framework.planner import PRESETS
-from hpp_framework.progress import Progress
-from hpp_framework.seeding import child_seed, numpy_rng
-from hpp_framework.sensing import NoiseModel
+from hpp_framework.plugins.build import parse_team
 from hpp_framework.sim import BACKENDS, make_simulator
-from hpp_framework.task_choice import make_task
-from hpp_framework.team import Team, parse_team
-from hpp_framework.team_file import build_team, effective_team, is_team_file, read_team_file
+from hpp_framework.utils.errors import ConfigError, unknown_name
+from hpp_framework.utils.progress import Progress
+from hpp_framework.utils.seeding import child_seed, numpy_rng
 from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import World
 
 CHUNK = {"batch": 100, "sapien": 5}
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hpp_framework.errors import ConfigError, HppError
-from hpp_framework.files import replacing
+from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.utils.files import replacing
 
 COLORS = ("#f26a1b", "#1868c4", "#26965a", "#aa3ca0", "#c8a014", "#14a0aa", "#c8323c", "#6e5ac8")
 

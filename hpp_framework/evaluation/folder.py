@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.files import read_json, replacing
-from hpp_framework.task_choice import is_task_file
-from hpp_framework.versions import installed
+from hpp_framework.config.task_file import is_task_file
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import read_json, replacing
+from hpp_framework.utils.versions import installed
 from hpp_framework.worlds.loader import SUFFIXES, load_world
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"

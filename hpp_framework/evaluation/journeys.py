@@ -12,15 +12,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import World
 from hpp_framework.evaluation.lower_bound import time_bounds
 from hpp_framework.evaluation.trial import ARRIVAL, RESOLUTION, Trial
 from hpp_framework.evaluation.ways import Ways, journey_ways
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import numpy_rng
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
-from hpp_framework.worlds.world import World
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int], None]

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
+from hpp_framework.core.robot import DriveLimits
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.evaluation.ways import Ways
-from hpp_framework.robot import DriveLimits
-from hpp_framework.sim.simulator import CONTROL_PERIOD
 
 Array = npt.NDArray[np.float64]
 

@@ -12,14 +12,14 @@ import numpy.typing as npt
 import torch
 from jaxtyping import Float, Int
 
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import World
 from hpp_framework.evaluation.gathering import coarser, first_met, meeting_box
 from hpp_framework.evaluation.reach import PERIODS, Reach
 from hpp_framework.evaluation.standing import FINER, Part, finer, standing_room
 from hpp_framework.evaluation.ways import ALLOWANCE, DOUBT, cut, is_open
-from hpp_framework.robot import RobotSpec
 from hpp_framework.worlds.geodesic import shortest_ways
 from hpp_framework.worlds.occupancy import RESOLUTION, FreeSpace, free_space
-from hpp_framework.worlds.world import World
 
 Array = npt.NDArray[np.float64]
 

@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.predictor import Predictor, PredictorRequest
+from hpp_framework.core.team import Team
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.predictor_figures import (
     plot_calibration,
@@ -28,13 +30,12 @@ from hpp_framework.evaluation.predictor_score import (
 )
 from hpp_framework.evaluation.predictor_trials import Misses, draw_questions, misses
 from hpp_framework.evaluation.table import write_rows
-from hpp_framework.files import replacing
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
 from hpp_framework.prediction.library import find_cards
-from hpp_framework.predictor import Predictor, PredictorRequest
-from hpp_framework.progress import Progress
-from hpp_framework.registry import hub
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.team import Team, parse_team
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import replacing
+from hpp_framework.utils.progress import Progress
 from hpp_framework.worlds.loader import resolve_world
 
 BASELINES = ("constant-velocity", "empty-world")

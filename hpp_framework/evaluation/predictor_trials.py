@@ -1,7 +1,7 @@
 """Asks predictors where a team will be, and measures how far off they were.
 
 Fresh trajectories are driven in memory, the whole team towards the same goal. On the way, at a few moments,
-every robot's predictor is asked through nothing but :meth:`~hpp_framework.predictor.Predictor.rollout`.
+every robot's predictor is asked through nothing but :meth:`~hpp_framework.core.predictor.Predictor.rollout`.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.predictor import Predictor
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.perception.sensing import KEYFRAMES
 from hpp_framework.prediction.collect import Collection, drive
-from hpp_framework.predictor import Predictor
-from hpp_framework.sensing import KEYFRAMES, NoiseModel
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.team import Team
-from hpp_framework.types import Observation, Trajectories
+from hpp_framework.utils.errors import ConfigError
 
 MOMENTS = (0, 15, 40)
 """Control steps of a trajectory at which predictors are asked: at rest, on the way, late."""

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float, Int
 
-from hpp_framework.robot import DriveLimits
-from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS
+from hpp_framework.core.robot import DriveLimits
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.sim.simulator import SUBSTEPS
 
 Array = npt.NDArray[np.float64]
 

@@ -10,18 +10,19 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from hpp_framework.agent import Agent
+from hpp_framework.agents.hierarchical import Agent
+from hpp_framework.core.task import Task
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, State
+from hpp_framework.core.world import World
 from hpp_framework.evaluation.experiment import CHUNK, Experiment, draw_episode, make_agents
-from hpp_framework.evaluation.record import EpisodeRecord, Recorder
+from hpp_framework.evaluation.recorder import Recorder
 from hpp_framework.evaluation.rollout import Episodes, run_episodes
-from hpp_framework.seeding import child_seed
 from hpp_framework.sim import make_simulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task import Task
-from hpp_framework.team import Team
-from hpp_framework.types import Observation, State
+from hpp_framework.utils.seeding import child_seed
+from hpp_framework.viz.record import EpisodeRecord
 from hpp_framework.worlds.loader import WorldFactory
-from hpp_framework.worlds.world import World
 
 
 @dataclass(frozen=True)

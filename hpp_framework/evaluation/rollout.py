@@ -13,19 +13,21 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from hpp_framework.agent import Agent, make_agent
-from hpp_framework.attendance import Shift, attendance
-from hpp_framework.errors import ConfigError
-from hpp_framework.evaluation.planners import make_planner, parse_planner
-from hpp_framework.planner import PlannerContext
-from hpp_framework.privileged import PrivilegedPlanner, Truth
-from hpp_framework.seeding import torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.agents.hierarchical import Agent, make_agent
+from hpp_framework.agents.scheduled import Shift, attendance
+from hpp_framework.config.planner_choice import make_planner, parse_planner
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import PlannerContext
+from hpp_framework.core.privileged import PrivilegedPlanner, Truth
+from hpp_framework.core.task import Task
+from hpp_framework.core.team import Team
+from hpp_framework.core.types import Observation, State
+from hpp_framework.core.world import World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.build import make_skills
 from hpp_framework.sim.simulator import Simulator
-from hpp_framework.task import Task
-from hpp_framework.team import Team
-from hpp_framework.types import Observation, State
-from hpp_framework.worlds.world import World
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import torch_rng
 
 EPISODE_STEPS = 100
 """Control steps an episode (20 s; appendix C.1)."""
@@ -111,7 +113,7 @@ def build_agents(
         ConfigError: if a ceiling is to plan for a team in which somebody plans otherwise.
     """
     agents: list[Agent] = []
-    for index, (member, skill) in enumerate(zip(team.members, team.skills(), strict=True)):
+    for index, (member, skill) in enumerate(zip(team.members, make_skills(team), strict=True)):
         named = member.planner or planner
         choice = parse_planner(named)
         context = PlannerContext(

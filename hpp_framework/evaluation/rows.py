@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation.coordination import coordination
 from hpp_framework.evaluation.rollout import Episodes, median_ms
-from hpp_framework.sim.simulator import CONTROL_PERIOD
 
 
 @dataclass(frozen=True, kw_only=True)

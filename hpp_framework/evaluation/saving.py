@@ -9,14 +9,14 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
-from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.experiment import Experiment, check_experiment
-from hpp_framework.evaluation.record_file import save_record
 from hpp_framework.evaluation.replay import describe, replay
 from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.table import read_rows
-from hpp_framework.progress import Progress
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.progress import Progress
+from hpp_framework.viz.record_file import save_record
 from hpp_framework.worlds.loader import resolve_world
 
 SAVED = "saved"

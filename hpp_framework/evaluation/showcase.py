@@ -11,21 +11,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.config.task_file import task_name
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.experiment import Experiment, check_experiment
 from hpp_framework.evaluation.figures import plot_distance
-from hpp_framework.evaluation.film import FRAMES_PER_STEP, Camera, Frame, frame_count, frames
-from hpp_framework.evaluation.marks import WHITE, robot_colors
-from hpp_framework.evaluation.record import EpisodeRecord
-from hpp_framework.evaluation.record_file import FILE, save_record
 from hpp_framework.evaluation.replay import Replay, describe, replay
 from hpp_framework.evaluation.rollout import median_ms
-from hpp_framework.evaluation.video import write_video
-from hpp_framework.files import read_json
-from hpp_framework.progress import Progress
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task_choice import task_name
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import read_json
+from hpp_framework.utils.progress import Progress
+from hpp_framework.viz.film import FRAMES_PER_STEP, Camera, Frame, frame_count, frames
+from hpp_framework.viz.marks import WHITE, robot_colors
+from hpp_framework.viz.record import EpisodeRecord
+from hpp_framework.viz.record_file import FILE, save_record
+from hpp_framework.viz.video import write_video
 from hpp_framework.worlds.loader import resolve_world
 
 RUNNING = "running the episode"
@@ -163,8 +163,8 @@ def _camera(
 ) -> Camera | None:
     """Return a 3-D camera, or None after saying why there is none."""
     try:
-        from hpp_framework.sim.sapien_camera import SceneCamera, draw_on_floor, team_view
-        from hpp_framework.sim.sapien_render import rendering_problem
+        from hpp_framework.sim.sapien.camera import SceneCamera, draw_on_floor, team_view
+        from hpp_framework.sim.sapien.render import rendering_problem
     except ImportError as error:
         say(f"No 3-D view, the video shows the team from above: SAPIEN cannot be imported ({error}).")
         return None

@@ -9,15 +9,17 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation.journeys import Journeys, Progress, draw_journeys
 from hpp_framework.evaluation.skill_score import SkillRow, SkillScore, score
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.perception.sensing import Sensing
 from hpp_framework.sim import make_simulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD, Simulator
-from hpp_framework.skill import Skill
+from hpp_framework.sim.simulator import Simulator
+from hpp_framework.utils.seeding import torch_rng
 
 CHUNK = {"batch": 250, "sapien": 10}
 """Episodes that run side by side."""

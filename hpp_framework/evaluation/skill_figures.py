@@ -12,10 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from hpp_framework.errors import ConfigError, HppError
 from hpp_framework.evaluation.competence import TRUSTED_EPISODES, TRUSTED_SHARE, CompetenceBin
 from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES
-from hpp_framework.files import replacing
+from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.utils.files import replacing
 
 PANEL = (4.6, 3.3)
 """Inches a map."""

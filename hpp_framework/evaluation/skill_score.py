@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hpp_framework.evaluation.statistics import wilson_interval
-from hpp_framework.seeding import numpy_rng
+from hpp_framework.utils.seeding import numpy_rng
 
 RESAMPLES = 1000
 """Of the bootstrap."""

@@ -12,7 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.robot import RobotSpec
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.competence import competence_card, competence_map, write_competence
 from hpp_framework.evaluation.journeys import Journeys, draw_journeys
@@ -21,12 +22,11 @@ from hpp_framework.evaluation.skill_figures import plot_competence
 from hpp_framework.evaluation.skill_score import SkillRow
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import Draw, Trial
-from hpp_framework.files import replacing
-from hpp_framework.progress import Progress
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import NoiseModel
+from hpp_framework.plugins.registry import hub
 from hpp_framework.sim import make_simulator
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import replacing
+from hpp_framework.utils.progress import Progress
 
 COMPETENCE, PICTURE = "competence.csv", "competence.png"
 ALL = "all worlds"

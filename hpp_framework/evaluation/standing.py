@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Bool, Float, Int
 
+from hpp_framework.core.world import World
 from hpp_framework.worlds.occupancy import FreeSpace
 from hpp_framework.worlds.slicing import planar_map
-from hpp_framework.worlds.world import World
 
 FINER = 4
 """Fine cells along a cell of a free space."""

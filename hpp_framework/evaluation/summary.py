@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hpp_framework.config.planner_choice import parse_planner
 from hpp_framework.evaluation.bootstrap import (
     improvement,
     interquartile_mean,
     optimality_gap,
     performance_profile,
 )
-from hpp_framework.evaluation.planners import parse_planner
 from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.statistics import (
     Estimate,
@@ -25,7 +25,7 @@ from hpp_framework.evaluation.statistics import (
     rate,
     signed_rank_p,
 )
-from hpp_framework.seeding import numpy_rng
+from hpp_framework.utils.seeding import numpy_rng
 
 ALL = "all"
 """Name of all worlds together."""

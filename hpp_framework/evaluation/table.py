@@ -8,8 +8,8 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.files import replacing
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import replacing
 
 Row = TypeVar("Row")
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Requirement, Visit
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import Task
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.world import World
 from hpp_framework.evaluation.meeting import first_meeting
 from hpp_framework.evaluation.reach import PERIODS, Reach
 from hpp_framework.evaluation.ways import journey_ways
-from hpp_framework.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Requirement, Visit
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task import Task
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.world import World
 
 Step = float
 """A control step, or infinity."""

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from hpp_framework.evaluation.backdrop import Image
+from hpp_framework.config.task_file import task_name
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.replay import replay
-from hpp_framework.evaluation.topdown import TopDown, close_view
-from hpp_framework.evaluation.world_pictures import save_picture, tiled
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task_choice import task_name
+from hpp_framework.viz.backdrop import Image
+from hpp_framework.viz.topdown import TopDown, close_view
+from hpp_framework.viz.world_pictures import save_picture, tiled
 from hpp_framework.worlds.loader import resolve_world
 
 SIDE = 420

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.envs.problem import PointToPoint
-from hpp_framework.errors import ConfigError, unknown_name
-from hpp_framework.sensing import NoiseModel
+from hpp_framework.utils.errors import ConfigError, unknown_name
 
 Draw = Literal["uniform", "even"]
 DRAWS = ("uniform", "even")

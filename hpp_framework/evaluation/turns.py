@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from hpp_framework.agent import Agent
-from hpp_framework.attendance import PartTimeAgent, Shift
-from hpp_framework.errors import ConfigError
+from hpp_framework.agents.hierarchical import Agent
+from hpp_framework.agents.scheduled import PartTimeAgent, Shift
+from hpp_framework.core.privileged import PrivilegedPlanner
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.world import World
 from hpp_framework.evaluation.rollout import EPISODE_STEPS
 from hpp_framework.evaluation.task_bounds import task_bounds
-from hpp_framework.privileged import PrivilegedPlanner
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.team import Team
-from hpp_framework.worlds.world import World
+from hpp_framework.utils.errors import ConfigError
 
 
 def join_agents(turns: Sequence[Shift], agents: Sequence[Sequence[Agent]], robots: int) -> list[Agent]:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from hpp_framework.evaluation.folder import SUMMARY, installed_versions
-from hpp_framework.files import replacing
 from hpp_framework.onboarding.config import Onboarding
+from hpp_framework.utils.files import replacing
 
 CARD = "card"
 SERIOUS = 1000

@@ -7,10 +7,11 @@ from dataclasses import asdict, dataclass
 from itertools import combinations_with_replacement
 from typing import Any
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.team import Team
 from hpp_framework.onboarding.scale import Scale
-from hpp_framework.registry import hub
-from hpp_framework.team import Team, parse_team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,8 @@ from importlib.util import find_spec
 
 from packaging.utils import canonicalize_name
 
-from hpp_framework.discovery import FRAMEWORK, PLUGIN_GROUP
-from hpp_framework.errors import ConfigError
+from hpp_framework.plugins.discovery import FRAMEWORK, PLUGIN_GROUP
+from hpp_framework.utils.errors import ConfigError
 
 RESERVED = ("plugin", "tests")
 """Modules that every package of a newcomer has."""

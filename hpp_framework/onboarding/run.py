@@ -8,13 +8,13 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
-from hpp_framework.checkpoints import WEIGHTS_VARIABLE, require_same_run
-from hpp_framework.files import read_json, replacing
 from hpp_framework.onboarding.card import write_card
 from hpp_framework.onboarding.config import Onboarding
 from hpp_framework.onboarding.stages import WEIGHTS, Stage, make_stages
-from hpp_framework.progress import Progress
+from hpp_framework.plugins.weights import WEIGHTS_VARIABLE, require_same_run
 from hpp_framework.testing import check_robot, check_skill
+from hpp_framework.utils.files import read_json, replacing
+from hpp_framework.utils.progress import Progress
 
 RECORD = "onboarding.json"
 """Says which onboarding a folder holds, and what was there already when it began."""

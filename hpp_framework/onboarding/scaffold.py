@@ -10,8 +10,8 @@ import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from hpp_framework.errors import ConfigError
 from hpp_framework.onboarding.names import Name
+from hpp_framework.utils.errors import ConfigError
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 COMMON = "common"

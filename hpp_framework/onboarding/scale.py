@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpp_framework.errors import ConfigError, unknown_name
 from hpp_framework.prediction.collect import Collection
+from hpp_framework.utils.errors import ConfigError, unknown_name
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,24 +8,24 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from hpp_framework.checkpoints import weight_folders
-from hpp_framework.errors import CheckpointError, ConfigError
+from hpp_framework.core.predictor import PredictorRequest, PredictorTraining
+from hpp_framework.core.skill import SkillTraining
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
 from hpp_framework.evaluation.folder import SUMMARY
 from hpp_framework.evaluation.predictor_study import PredictorStudy
 from hpp_framework.evaluation.predictor_study import run_study as run_predictor_study
 from hpp_framework.evaluation.skill_study import SkillStudy
 from hpp_framework.evaluation.skill_study import run_study as run_skill_study
-from hpp_framework.files import read_json
 from hpp_framework.onboarding.config import Onboarding
 from hpp_framework.onboarding.scale import RATES
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import weight_folders
 from hpp_framework.prediction.collect import collect
 from hpp_framework.prediction.library import find_model, model_pairs
-from hpp_framework.predictor import PredictorRequest, PredictorTraining
-from hpp_framework.progress import Progress
-from hpp_framework.registry import hub
-from hpp_framework.skill import SkillTraining
 from hpp_framework.training.predictors import train_predictors
+from hpp_framework.utils.errors import CheckpointError, ConfigError
+from hpp_framework.utils.files import read_json
+from hpp_framework.utils.progress import Progress
 
 WEIGHTS = "weights"
 

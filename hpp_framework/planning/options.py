@@ -15,16 +15,17 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.option import BUDGET, Option, anywhere, clear_way
-from hpp_framework.planner import Belief, PlannerContext
-from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner, lattice_config
-from hpp_framework.policy import Policy
-from hpp_framework.predictor import Imagine, Predictor, PredictorRequest
-from hpp_framework.registry import hub
-from hpp_framework.settings import altered
-from hpp_framework.team import Team
-from hpp_framework.types import Observation, Trajectories
+from hpp_framework.config.settings import altered
+from hpp_framework.core.option import BUDGET, Option, anywhere
+from hpp_framework.core.planner import Belief, PlannerContext
+from hpp_framework.core.policy import Policy
+from hpp_framework.core.predictor import Imagine, Predictor, PredictorRequest
+from hpp_framework.core.team import Team
+from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.perception.visibility import clear_way
+from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner, lattice_config
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError
 
 BLIND = ("empty-world", "constant-velocity")
 """Predictors that know no obstacles."""

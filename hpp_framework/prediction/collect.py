@@ -19,15 +19,17 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.files import read_json
-from hpp_framework.seeding import numpy_rng, torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.team import Team
-from hpp_framework.types import Observation, State
-from hpp_framework.workers import Report, run_tasks
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, State
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.build import make_skills
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.executor import Report, run_tasks
+from hpp_framework.utils.files import read_json
+from hpp_framework.utils.seeding import numpy_rng, torch_rng
 from hpp_framework.worlds.pool import WorldPool, build_pool, draw_starts
 
 FORMAT = 1
@@ -83,7 +85,7 @@ def collect(team: Team, config: Collection, out: Path, *, workers: int = 1) -> I
         team: who drives.
         config: how.
         out: folder; created, or resumed if it holds the same collection.
-        workers: processes (see :func:`hpp_framework.workers.run_tasks`), or 1 for none but this one.
+        workers: processes (see :func:`hpp_framework.utils.executor.run_tasks`), or 1 for none but this one.
 
     Yields:
         Trajectories on disk so far.
@@ -224,7 +226,7 @@ def drive(
     Yields:
         The beginning of each control step.
     """
-    skills = team.skills()
+    skills = make_skills(team)
     rng = numpy_rng(config.seed, "collect", part)
     pool = build_pool(config.world, config.worlds, team.robots, seed=int(rng.integers(2**62)))
     world = rng.integers(len(pool), size=config.chunk)

@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.predictor import Predictor, PredictorRequest
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.types import Observation, Trajectories
+from hpp_framework.core.predictor import Predictor, PredictorRequest
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, Trajectories
 
 
 class ConstantVelocity(Predictor):

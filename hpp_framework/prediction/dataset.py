@@ -12,13 +12,13 @@ import torch
 from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.files import read_json
+from hpp_framework.core.team import Member, Team
+from hpp_framework.core.types import Keyframes
+from hpp_framework.perception.sensing import HISTORY, KEYFRAME_EVERY
+from hpp_framework.plugins.registry import hub
 from hpp_framework.prediction.collect import FORMAT, SCAN_UNIT
-from hpp_framework.registry import hub
-from hpp_framework.sensing import HISTORY, KEYFRAME_EVERY
-from hpp_framework.team import Member, Team
-from hpp_framework.types import Keyframes
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import read_json
 
 VALIDATION_SHARE = 0.1
 CHUNKS_PER_BATCH = 4

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hpp_framework.core.predictor import PredictorRequest, PredictorTraining
 from hpp_framework.prediction.one_step import ROOM_SCALE, STEP_SCALE, Form, train_form
 from hpp_framework.prediction.one_step_rollout import OneStep, create_form
-from hpp_framework.predictor import PredictorRequest, PredictorTraining
 
 FORM = Form(
     kind="delta-general-pose-lidar", in_world=False, pose_changes=False, scan_changes=False,

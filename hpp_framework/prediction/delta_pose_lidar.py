@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hpp_framework.core.predictor import PredictorRequest, PredictorTraining
 from hpp_framework.prediction.one_step import STEP_SCALE, Form, train_form
 from hpp_framework.prediction.one_step_rollout import OneStep, create_form
-from hpp_framework.predictor import PredictorRequest, PredictorTraining
 
 FORM = Form(
     kind="delta-pose-lidar", in_world=False, pose_changes=True, scan_changes=True,

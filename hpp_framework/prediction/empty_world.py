@@ -10,16 +10,18 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework import geometry
-from hpp_framework.predictor import Predictor, PredictorRequest
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.skill import Skill
-from hpp_framework.team import Team
-from hpp_framework.types import Observation, Trajectories
-from hpp_framework.worlds.world import World
+from hpp_framework.core import geometry
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.predictor import Predictor, PredictorRequest
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.core.world import World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.build import make_skills
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 STEPS = 5
 """Control steps a prediction step: one second."""
@@ -34,7 +36,7 @@ class EmptyWorld(Predictor):
     """
 
     def __init__(self, team: Team) -> None:
-        self._drivers = [_Driver(m.robot, s) for m, s in zip(team.members, team.skills(), strict=True)]
+        self._drivers = [_Driver(m.robot, s) for m, s in zip(team.members, make_skills(team), strict=True)]
 
     @torch.no_grad()
     def rollout(self, observation: Observation, goals: Float[Tensor, "b g 2"], horizon: int) -> Trajectories:

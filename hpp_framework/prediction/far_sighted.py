@@ -17,17 +17,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from hpp_framework import geometry
-from hpp_framework.errors import ConfigError
-from hpp_framework.prediction.chart import Chart, charted_ways, clearance_around, draw_chart
+from hpp_framework.core import geometry
+from hpp_framework.core.predictor import Imagine, Predictor, PredictorRequest, PredictorTraining
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.perception.local_map import Chart, charted_ways, clearance_around, draw_chart
+from hpp_framework.perception.sensing import HISTORY, KEYFRAMES
 from hpp_framework.prediction.dataset import Batch, Prepared, collected_team
 from hpp_framework.prediction.library import find_members, load_models
 from hpp_framework.prediction.training import Recipe, constant_velocity_error, train_model
-from hpp_framework.predictor import Imagine, Predictor, PredictorRequest, PredictorTraining
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import HISTORY, KEYFRAMES
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.types import Observation, Trajectories
+from hpp_framework.utils.errors import ConfigError
 
 KIND = "far-sighted"
 OFFSETS = tuple(range(5, 76, 5))

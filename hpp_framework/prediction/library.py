@@ -9,13 +9,13 @@ from typing import Any
 
 from torch import nn
 
-from hpp_framework.checkpoints import find_weights, load_checkpoint, load_into, weight_folders
-from hpp_framework.errors import CheckpointError, ConfigError
-from hpp_framework.predictor import PredictorRequest
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import HISTORY
-from hpp_framework.team import Member, Team
+from hpp_framework.core.predictor import PredictorRequest
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import Member, Team
+from hpp_framework.perception.sensing import HISTORY
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import find_weights, load_checkpoint, load_into, weight_folders
+from hpp_framework.utils.errors import CheckpointError, ConfigError
 
 STOP_GAP = "--set predictor=empty-world plans without weights, as if nothing stood in the way."
 

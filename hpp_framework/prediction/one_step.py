@@ -15,12 +15,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from hpp_framework import geometry
+from hpp_framework.core import geometry
+from hpp_framework.core.predictor import PredictorTraining
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.perception.sensing import HISTORY
 from hpp_framework.prediction.dataset import Batch
 from hpp_framework.prediction.training import Recipe, constant_velocity_error, train_model
-from hpp_framework.predictor import PredictorTraining
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import HISTORY
 
 HIDDEN = (64, 128, 128, 64)
 """Units of the four layers (appendix C.3)."""

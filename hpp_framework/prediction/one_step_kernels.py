@@ -9,8 +9,8 @@ from typing import Any
 
 import warp as wp
 
+from hpp_framework.perception.sensing import HISTORY
 from hpp_framework.prediction.one_step import HIDDEN
-from hpp_framework.sensing import HISTORY
 
 PI = wp.constant(3.14159265358979)
 PAST = wp.constant(HISTORY)

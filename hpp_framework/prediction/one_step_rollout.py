@@ -14,14 +14,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.kernels import wp
+from hpp_framework.core.predictor import Imagine, Predictor, PredictorRequest
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.perception.sensing import HISTORY
 from hpp_framework.prediction import one_step_kernels as kernels
 from hpp_framework.prediction.library import load_models
 from hpp_framework.prediction.one_step import RANGE_CAP, Form, OneStepNetwork, build
-from hpp_framework.predictor import Imagine, Predictor, PredictorRequest
-from hpp_framework.sensing import HISTORY
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.types import Observation, Trajectories
+from hpp_framework.utils.kernels import wp
 
 _ALWAYS = 1 << 30
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hpp_framework.core.predictor import PredictorRequest, PredictorTraining
 from hpp_framework.prediction.one_step import ROOM_SCALE, Form, train_form
 from hpp_framework.prediction.one_step_rollout import OneStep, create_form
-from hpp_framework.predictor import PredictorRequest, PredictorTraining
 
 FORM = Form(
     kind="pose-lidar", in_world=True, pose_changes=False, scan_changes=False,

@@ -14,19 +14,19 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from hpp_framework.checkpoints import (
+from hpp_framework.core.predictor import PredictorTraining, TrainingProgress
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.plugins.weights import (
     load_checkpoint,
     load_into,
     portable,
     require_same_run,
     save_checkpoint,
 )
-from hpp_framework.errors import CheckpointError
 from hpp_framework.prediction.dataset import Batch, Prepared, TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, file_name, find_members
-from hpp_framework.predictor import PredictorTraining, TrainingProgress
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import child_seed, numpy_rng
+from hpp_framework.utils.errors import CheckpointError
+from hpp_framework.utils.seeding import child_seed, numpy_rng
 
 REPORT_EVERY = 500
 VALIDATE_EVERY = 10 * REPORT_EVERY

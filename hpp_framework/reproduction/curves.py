@@ -6,14 +6,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.checkpoints import find_weights, weight_folders
+from hpp_framework.core.predictor import PredictorRequest
 from hpp_framework.evaluation.folder import SUMMARY
-from hpp_framework.files import read_json, replacing
-from hpp_framework.planning.maddpg import KIND, file_name
+from hpp_framework.planning.baselines.maddpg import KIND, file_name
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.weights import find_weights, weight_folders
 from hpp_framework.prediction.library import find_cards
-from hpp_framework.predictor import PredictorRequest
 from hpp_framework.reproduction.plan import Curves
-from hpp_framework.team import parse_team
+from hpp_framework.utils.files import read_json, replacing
 
 
 def collect_curves(work: Curves, folder: Path) -> None:

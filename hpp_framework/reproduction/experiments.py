@@ -8,12 +8,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.errors import unknown_name
+from hpp_framework.config.team_file import effective_team
+from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.predictor_study import PredictorStudy
 from hpp_framework.reproduction.plan import Curves, Planned
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.team_file import effective_team
+from hpp_framework.utils.errors import unknown_name
 
 SIMULATED = ("simple", "wall", "navigation")
 SCANNED = ("real-simple", "real-wall", "real-forest", "real-roundabout")

@@ -7,8 +7,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.files import replacing
 from hpp_framework.reproduction.statements import claims
+from hpp_framework.utils.files import replacing
 
 CLAIMS = "claims.json"
 

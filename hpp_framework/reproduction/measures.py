@@ -28,7 +28,7 @@ from hpp_framework.evaluation.table import read_rows
 from hpp_framework.reproduction.claims import Outcome, Part, side
 from hpp_framework.reproduction.experiments import BEST, PAPER
 from hpp_framework.reproduction.plan import EXPERIMENTS
-from hpp_framework.seeding import numpy_rng
+from hpp_framework.utils.seeding import numpy_rng
 
 SAME = 0.1
 """Differences of rates, and of probabilities from one half, that are too small to speak of an advantage."""

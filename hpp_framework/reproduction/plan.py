@@ -9,12 +9,12 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from hpp_framework.errors import ConfigError, unknown_name
+from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.folder import CONFIG, installed_versions
 from hpp_framework.evaluation.predictor_study import PredictorStudy
-from hpp_framework.files import read_json, replacing
-from hpp_framework.sensing import NoiseModel
+from hpp_framework.utils.errors import ConfigError, unknown_name
+from hpp_framework.utils.files import read_json, replacing
 
 PLAN, EXPERIMENTS = "plan.json", "experiments"
 PLANNERS, PREDICTOR, CURVE = "planners", "predictor", "curve"

@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from string import Template
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.files import replacing
 from hpp_framework.reproduction.report_answer import answer_section
 from hpp_framework.reproduction.report_data import REPORT, Reproduction, read_reproduction
 from hpp_framework.reproduction.report_episodes import ShownCell, shown_cells
@@ -26,6 +24,8 @@ from hpp_framework.reproduction.report_sections import (
     predictors_section,
 )
 from hpp_framework.reproduction.report_svg import with_own_names
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.files import replacing
 
 PAGE = "index.html"
 TEMPLATE = Path(__file__).with_name("report_page.html")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from hpp_framework.evaluation.planners import parse_planner
+from hpp_framework.config.planner_choice import parse_planner
 from hpp_framework.evaluation.statistics import wilson_interval
 from hpp_framework.reproduction.report_data import Ran, Reproduction, Row
 from hpp_framework.reproduction.report_html import Markup, join, note, number, p_value, section, tag

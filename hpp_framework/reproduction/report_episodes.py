@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from hpp_framework.config.planner_choice import parse_planner
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.experiment import Experiment, read_experiment
-from hpp_framework.evaluation.planners import parse_planner
-from hpp_framework.evaluation.record import EpisodeRecord
-from hpp_framework.evaluation.record_file import load_record, save_record
 from hpp_framework.evaluation.replay import Replay, replay
 from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.saving import CHOICES
-from hpp_framework.files import replacing
 from hpp_framework.reproduction.report_data import REPORT, Ran
 from hpp_framework.reproduction.report_html import anchor
 from hpp_framework.reproduction.report_names import privileged
+from hpp_framework.utils.files import replacing
+from hpp_framework.viz.record import EpisodeRecord
+from hpp_framework.viz.record_file import load_record, save_record
 from hpp_framework.worlds.loader import resolve_world
 
 EPISODES, WAYS = "episodes", "ways.npy"

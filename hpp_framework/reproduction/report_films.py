@@ -9,14 +9,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from hpp_framework.evaluation import marks
-from hpp_framework.evaluation.backdrop import Image
-from hpp_framework.evaluation.record import EpisodeRecord
-from hpp_framework.evaluation.topdown import TopDown, close_view
-from hpp_framework.evaluation.video import write_video
 from hpp_framework.reproduction.report_episodes import ShownCell
 from hpp_framework.reproduction.report_html import Markup, data_uri, join, tag
 from hpp_framework.reproduction.report_names import planner_label, world_label
+from hpp_framework.viz import marks
+from hpp_framework.viz.backdrop import Image
+from hpp_framework.viz.record import EpisodeRecord
+from hpp_framework.viz.topdown import TopDown, close_view
+from hpp_framework.viz.video import write_video
 
 SIDE = 320
 """Pixels of a film."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hpp_framework.evaluation.planners import parse_planner
+from hpp_framework.config.planner_choice import parse_planner
 
 _PLANNERS = {
     "hpp": "HPP", "centralized-mp": "Centralized MP", "centralized-oa": "Centralized OA",

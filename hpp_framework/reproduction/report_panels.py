@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hpp_framework.evaluation.planners import parse_planner
+from hpp_framework.config.planner_choice import parse_planner
 from hpp_framework.evaluation.predictor_score import ALL, ALL_WORLDS, ErrorRow
 from hpp_framework.evaluation.predictor_study import ERRORS
 from hpp_framework.evaluation.table import read_rows

@@ -12,7 +12,7 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from hpp_framework.evaluation.planners import parse_planner
+from hpp_framework.config.planner_choice import parse_planner
 from hpp_framework.reproduction.report_html import Markup, tag
 
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c8c00")

@@ -16,7 +16,7 @@ from hpp_framework.evaluation.predictor_study import REPORT, PredictorStudy, run
 from hpp_framework.reproduction.curves import collect_curves
 from hpp_framework.reproduction.experiments import experiments
 from hpp_framework.reproduction.plan import Planned, choose, write_plan
-from hpp_framework.workers import Report, run_tasks
+from hpp_framework.utils.executor import Report, run_tasks
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hpp_framework.errors import ConfigError, SimulatorError, unknown_name
-from hpp_framework.robot import RobotSpec
+from hpp_framework.core.robot import RobotSpec
 from hpp_framework.sim.simulator import Simulator
+from hpp_framework.utils.errors import ConfigError, SimulatorError, unknown_name
 
 BACKENDS = ("batch", "sapien")
 
@@ -41,7 +41,7 @@ def make_simulator(
 def _batch(robots: Sequence[RobotSpec], device: str, render: tuple[int, int] | None) -> Simulator:
     if render is not None:
         raise ConfigError("the batch simulator makes no pictures; use backend 'sapien', or leave render out.")
-    from hpp_framework.sim.batch import BatchSimulator
+    from hpp_framework.sim.batch.simulator import BatchSimulator
 
     return BatchSimulator(robots, device=device)
 
@@ -50,7 +50,7 @@ def _sapien(robots: Sequence[RobotSpec], device: str, render: tuple[int, int] | 
     if device != "cpu":
         raise ConfigError(f"the SAPIEN simulator runs on the CPU, not on '{device}'; use backend 'batch'.")
     try:
-        from hpp_framework.sim.sapien import SapienSimulator
+        from hpp_framework.sim.sapien.simulator import SapienSimulator
     except ImportError as error:
         raise SimulatorError(
             f"the package 'sapien' cannot be imported: {error}. Install it with "

@@ -19,13 +19,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import SimulatorError
-from hpp_framework.robot import RobotSpec
-from hpp_framework.types import State
-from hpp_framework.worlds.world import World
-
-CONTROL_PERIOD = 0.2
-"""Seconds between commands (paper, appendix C.1: 100 steps are 20 s)."""
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.types import State
+from hpp_framework.core.world import World
+from hpp_framework.utils.errors import SimulatorError
 
 SUBSTEPS = 4
 """Times a control period at which both simulators update speeds and let contact take its share of them."""

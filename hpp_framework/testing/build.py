@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.errors import CheckpointError, ConfigError, PluginError
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
 from hpp_framework.testing.report import Report, Rule, describe
+from hpp_framework.utils.errors import CheckpointError, ConfigError, PluginError
 
 IMPORT = Rule(
     name="import",

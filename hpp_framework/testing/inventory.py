@@ -11,9 +11,8 @@ from typing import Any
 
 from packaging.utils import canonicalize_name
 
-from hpp_framework.errors import PluginError, UnknownNameError, unknown_name
-from hpp_framework.registry import BrokenPlugin, Entry, Hub, hub
-from hpp_framework.team import parse_team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import BrokenPlugin, Entry, Hub, hub
 from hpp_framework.testing.build import IMPORT, not_imported
 from hpp_framework.testing.planner import check_planner
 from hpp_framework.testing.predictor import check_predictor
@@ -22,6 +21,7 @@ from hpp_framework.testing.robot import check_robot
 from hpp_framework.testing.skill import check_skill
 from hpp_framework.testing.task import check_task
 from hpp_framework.testing.world import check_world
+from hpp_framework.utils.errors import PluginError, UnknownNameError, unknown_name
 
 BROKEN = Rule(
     name="plugin",

@@ -11,15 +11,16 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hpp_framework.agent import make_agent
-from hpp_framework.errors import CheckpointError
+from hpp_framework.agents.hierarchical import make_agent
+from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext
+from hpp_framework.core.privileged import PrivilegedPlanner
+from hpp_framework.core.task import Task
+from hpp_framework.core.team import Team
+from hpp_framework.core.types import Observation
 from hpp_framework.evaluation.rollout import Episodes, run_episodes
-from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
-from hpp_framework.privileged import PrivilegedPlanner
-from hpp_framework.registry import hub
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.task import Task
-from hpp_framework.team import Team, parse_team
+from hpp_framework.plugins.build import make_skills, parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.testing.build import SHARED, WEIGHTS, Source, build, find_source
 from hpp_framework.testing.purity import (
     NOT_REPEATABLE,
@@ -30,7 +31,7 @@ from hpp_framework.testing.purity import (
 )
 from hpp_framework.testing.report import Report, Rule
 from hpp_framework.testing.scene import EPISODES, Scene, find_teams, make_scene
-from hpp_framework.types import Observation
+from hpp_framework.utils.errors import CheckpointError
 
 PLAN_EVERY = Rule(
     name="plan-every",
@@ -117,7 +118,7 @@ def _build(
     missing = ""
     for context in contexts:
         try:
-            context.team.skills()
+            make_skills(context.team)
         except Exception as error:
             # the skill's own check says so
             missing = missing or str(error)
@@ -259,7 +260,7 @@ def _episode(make: Factory, scene: Scene, context: PlannerContext) -> Episodes:
     team = context.team
     agents = [
         make_agent(index, skill, make(replace(context, agent=index)), context.task, team.robots, 0)
-        for index, skill in enumerate(team.skills())
+        for index, skill in enumerate(make_skills(team))
     ]
     with BatchSimulator(team.robots, threads=1) as simulator:
         return run_episodes(simulator, [scene.world] * 2, scene.starts[:2], agents, context.task, steps=STEPS)

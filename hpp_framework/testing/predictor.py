@@ -8,15 +8,16 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hpp_framework.errors import CheckpointError
-from hpp_framework.predictor import Predictor, PredictorRequest
-from hpp_framework.seeding import torch_rng
-from hpp_framework.team import Team, parse_team
+from hpp_framework.core.predictor import Predictor, PredictorRequest
+from hpp_framework.core.team import Team
+from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.plugins.build import parse_team
 from hpp_framework.testing.build import WEIGHTS, Source, build, find_source
 from hpp_framework.testing.purity import DTYPE, NOT_FINITE, SHAPE, check_pure, check_rows, gap, tensors
 from hpp_framework.testing.report import Report, Rule
 from hpp_framework.testing.scene import EPISODES, find_teams, make_scene
-from hpp_framework.types import Observation, Trajectories
+from hpp_framework.utils.errors import CheckpointError
+from hpp_framework.utils.seeding import torch_rng
 
 TIMES = Rule(
     name="times",

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from hpp_framework.errors import HppError
+from hpp_framework.utils.errors import HppError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hpp_framework.robot import Part, RobotSpec
+from hpp_framework.core.robot import Part, RobotSpec
 from hpp_framework.testing.build import build, find_source
 from hpp_framework.testing.report import Report, Rule
 

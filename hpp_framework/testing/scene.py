@@ -12,14 +12,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.registry import Entry, Registry, hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import Member, Team
-from hpp_framework.types import Observation
-from hpp_framework.worlds.world import Box, Cylinder, World
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import Member, Team
+from hpp_framework.core.types import Observation
+from hpp_framework.core.world import Box, Cylinder, World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.registry import Entry, Registry, hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.seeding import torch_rng
 
 EPISODES = 4
 WARM_UP = 6

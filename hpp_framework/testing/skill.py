@@ -10,20 +10,21 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hpp_framework.errors import CheckpointError
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.skill import Skill
-from hpp_framework.team import Member, Team
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.team import Member, Team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation
+from hpp_framework.core.world import World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.testing.build import WEIGHTS, Source, build, find_source
 from hpp_framework.testing.purity import check_pure, check_rows, check_tensor
 from hpp_framework.testing.report import Report, Rule
 from hpp_framework.testing.scene import EPISODES, find_robots, make_scene
-from hpp_framework.types import Observation
-from hpp_framework.worlds.world import World
+from hpp_framework.utils.errors import CheckpointError
 
 LIMITS = Rule(
     name="beyond-limits",

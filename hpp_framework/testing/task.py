@@ -10,14 +10,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import torch_rng
-from hpp_framework.task import Task
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import Task
 from hpp_framework.testing.build import BUILD, Source, build, find_source
 from hpp_framework.testing.purity import check_pure, check_rows, check_tensor
 from hpp_framework.testing.report import Report, Rule
 from hpp_framework.testing.scene import find_robots, first
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import torch_rng
 
 SUSTAIN = Rule(
     name="sustain-steps",

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import World, box_corners
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.testing.build import build, find_source
 from hpp_framework.testing.purity import GLOBAL_RNG, drawn_since, global_states, restored_generators, seed_all
 from hpp_framework.testing.report import Report, Rule
 from hpp_framework.testing.scene import find_robots, first
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.loader import LARGEST_SIDE, load_world
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import World, box_corners
 
 SEEDED = Rule(
     name="world-seed",

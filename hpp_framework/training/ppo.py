@@ -22,11 +22,11 @@ from stable_baselines3.common.policies import MultiInputActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import nn
 
-from hpp_framework.checkpoints import cannot_write
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
-from hpp_framework.errors import CheckpointError
+from hpp_framework.plugins.weights import cannot_write
 from hpp_framework.training.adapter import Sb3Adapter
 from hpp_framework.training.snapshots import describe_run, load_snapshot, save_snapshot
+from hpp_framework.utils.errors import CheckpointError
 
 CURVE = "curve.jsonl"
 

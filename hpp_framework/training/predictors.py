@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 
-from hpp_framework.predictor import PredictorTraining, TrainingProgress
-from hpp_framework.registry import hub
-from hpp_framework.workers import Report, run_tasks
+from hpp_framework.core.predictor import PredictorTraining, TrainingProgress
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.executor import Report, run_tasks
 
 
 def train_predictors(

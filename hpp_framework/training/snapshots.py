@@ -11,9 +11,9 @@ from typing import Any
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
-from hpp_framework.checkpoints import cannot_write, require_same_run
-from hpp_framework.errors import CheckpointError, ConfigError
-from hpp_framework.files import read_json, replacing
+from hpp_framework.plugins.weights import cannot_write, require_same_run
+from hpp_framework.utils.errors import CheckpointError, ConfigError
+from hpp_framework.utils.files import read_json, replacing
 
 SNAPSHOT = "resume.zip"
 RUN = "resume.json"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hpp_framework.core.world import World
 from hpp_framework.worlds.loader import load_world
-from hpp_framework.worlds.world import World
 
 FOLDER = Path(__file__).parent / "catalogue"
 

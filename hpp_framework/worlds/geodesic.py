@@ -13,9 +13,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from hpp_framework.crew import Crew
-from hpp_framework.errors import ConfigError
-from hpp_framework.kernels import wp
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.kernels import wp
+from hpp_framework.utils.thread_pool import Crew
 from hpp_framework.worlds import geodesic_kernels
 from hpp_framework.worlds.occupancy import FreeSpace
 

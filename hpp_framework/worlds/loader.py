@@ -12,14 +12,14 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from hpp_framework.errors import ConfigError, UnknownNameError
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.worlds.fields import Source, join, read_yaml
+from hpp_framework.config.fields import Source, join, read_yaml
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import Box, Cylinder, Mesh, SpawnRule, World
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError, UnknownNameError
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.slicing import load_mesh
 from hpp_framework.worlds.spawn import check_spawn
-from hpp_framework.worlds.world import Box, Cylinder, Mesh, SpawnRule, World
 
 T = TypeVar("T")
 WorldFactory = Callable[[np.random.Generator], World]

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from hpp_framework.core.world import World, box_corners
 from hpp_framework.worlds.slicing import planar_map, solid_outlines
-from hpp_framework.worlds.world import World, box_corners
 
 RESOLUTION = 0.05
 

@@ -13,12 +13,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import numpy_rng
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import World
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.geodesic import GoalFields, comfortable_ways
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
-from hpp_framework.worlds.world import World
 
 POINTS = 256
 RESOLUTION = 0.1

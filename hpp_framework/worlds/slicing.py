@@ -16,9 +16,9 @@ import numpy.typing as npt
 import trimesh
 from trimesh.intersections import mesh_plane
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.world import Box, Mesh, World, box_corners
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.outlines import simplify
-from hpp_framework.worlds.world import Box, Mesh, World, box_corners
 
 FloatArray = npt.NDArray[np.float32]
 

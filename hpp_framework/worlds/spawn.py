@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.robot import RobotSpec
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import World
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.world import World
 
 ATTEMPTS = 2000
 GAP = 0.5

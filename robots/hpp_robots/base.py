@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from hpp_framework.robot import DriveLimits, Lidar, Part
+from hpp_framework.core.robot import DriveLimits, Lidar, Part
 
 FLOOR_GAP = 0.005
 """base_link origin above the floor: wheel radius 0.0605 minus wheel centre 0.0553 (URDF)."""

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from hpp_framework.robot import Part, RobotSpec
+from hpp_framework.core.robot import Part, RobotSpec
 from hpp_robots import base
 
 Color = tuple[float, float, float]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from hpp_framework.robot import Part, RobotSpec
+from hpp_framework.core.robot import Part, RobotSpec
 from hpp_robots import base
 
 TRIM = (0.04, 0.28, 0.66)

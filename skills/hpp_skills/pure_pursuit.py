@@ -6,10 +6,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework import geometry
-from hpp_framework.robot import DriveLimits, RobotSpec
-from hpp_framework.skill import Skill
-from hpp_framework.types import Observation
+from hpp_framework.core import geometry
+from hpp_framework.core.robot import DriveLimits, RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.types import Observation
 
 
 class PurePursuit(Skill):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hpp_framework.composition import ComposedTask, Limit, Rules, Weighed
-from hpp_framework.errors import ConfigError
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.task_choice import robot_index
+from hpp_framework.core.composition import ComposedTask, Limit, Rules, Weighed
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import robot_index
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.utils.errors import ConfigError
 from hpp_tasks.formation import eq1_weight
 from hpp_tasks.terms.leaders import Escort
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from hpp_framework.composition import ComposedTask, Limit, Weighed
-from hpp_framework.robot import RobotSpec
+from hpp_framework.core.composition import ComposedTask, Limit, Weighed
+from hpp_framework.core.robot import RobotSpec
 from hpp_tasks.terms import formation as terms
 
 TOLERANCE = 0.4

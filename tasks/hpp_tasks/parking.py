@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.kernels import vectors, wp
+from hpp_framework.utils.kernels import vectors, wp
 from hpp_tasks import parking_kernels
 
 

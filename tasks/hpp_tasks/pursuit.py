@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hpp_framework.composition import ComposedTask, Limit, Rules, Weighed
-from hpp_framework.errors import ConfigError
-from hpp_framework.robot import RobotSpec
-from hpp_framework.task_choice import robot_index
+from hpp_framework.core.composition import ComposedTask, Limit, Rules, Weighed
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import robot_index
+from hpp_framework.utils.errors import ConfigError
 from hpp_tasks.follow import control_steps
 from hpp_tasks.formation import eq1_weight
 from hpp_tasks.terms.leaders import Caught, pursuers

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hpp_framework.composition import ComposedTask, Limit, Weighed
-from hpp_framework.robot import RobotSpec
+from hpp_framework.core.composition import ComposedTask, Limit, Weighed
+from hpp_framework.core.robot import RobotSpec
 from hpp_tasks.formation import eq1_weight
 from hpp_tasks.rendezvous import rendezvous_radius
 from hpp_tasks.terms.places import Region

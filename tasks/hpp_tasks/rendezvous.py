@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.robot import RobotSpec
-from hpp_framework.task import Settling, Task, relative_speed
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import Settling, Task, relative_speed
 from hpp_tasks.parking import spots
 
 MARGIN = 0.25

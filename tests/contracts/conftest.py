@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hpp_framework.geometry import polar
-from hpp_framework.registry import hub
-from hpp_framework.skill import Skill
-from hpp_framework.team import Team, parse_team
+from hpp_framework.core.geometry import polar
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.team import Team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
 
 STRAIGHT = "test-straight"
 

@@ -8,21 +8,24 @@ from dataclasses import replace
 import pytest
 import torch
 
-from hpp_framework.agent import Agent, Rest
-from hpp_framework.errors import ConfigError
+from hpp_framework.agents.hierarchical import Agent
+from hpp_framework.control.stop_on_success import Rest
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext
+from hpp_framework.core.predictor import Predictor
+from hpp_framework.core.privileged import Truth
+from hpp_framework.core.types import Trajectories
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.planner import Belief, MetaPlanner, PlannerContext
-from hpp_framework.planning.ceilings import PooledPredictor, full_communication, perfect_model
-from hpp_framework.planning.true_predictor import TruePredictor
-from hpp_framework.predictor import Predictor
-from hpp_framework.privileged import Truth
-from hpp_framework.registry import hub
-from hpp_framework.seeding import numpy_rng, torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.types import Trajectories
-from hpp_framework.worlds.generators import training
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.planning.oracles.oracle import PooledPredictor, full_communication, perfect_model
+from hpp_framework.planning.oracles.perfect_model import TruePredictor
+from hpp_framework.plugins.build import make_skills
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import numpy_rng, torch_rng
+from hpp_framework.worlds.generators.training import training
 from hpp_framework.worlds.spawn import spawn_poses
 
 EPISODES = 3
@@ -86,7 +89,7 @@ def test_the_true_predictor_is_right(straight_team, task, truth):
     assert found.poses.shape == (EPISODES, 3, 20, 2, 3)
     agents = [
         Agent(skill, Whole(goals[:, 1]), Rest(task, straight_team.robots), torch_rng(0, "a"))
-        for skill in straight_team.skills()
+        for skill in make_skills(straight_team)
     ]
     for step in range(1, 41):
         commands = torch.stack([agent.act(sensing.observe(i)) for i, agent in enumerate(agents)], 1)
@@ -108,7 +111,7 @@ def test_decided_episodes_stand_still(straight_team, task, truth):
 
 def test_chunks_and_rest_change_no_prediction(straight_team, task, truth, monkeypatch):
     """Episodes are imagined in chunks, and dropped as soon as they stand."""
-    from hpp_framework.planning import true_predictor
+    from hpp_framework.planning.oracles import perfect_model as true_predictor
 
     seen, _, _ = truth
     predictor = TruePredictor(straight_team, task, Every())
@@ -166,7 +169,7 @@ def test_ceilings_do_not_guess_what_they_know(context):
 
 def test_a_lone_robot_has_nothing_to_talk_about(task):
     """For a team of one the twin is the planner itself."""
-    from hpp_framework.team import parse_team
+    from hpp_framework.plugins.build import parse_team
 
     team = parse_team("fetch", skill="test-straight")
     world = training(numpy_rng(2, "alone"))

@@ -9,10 +9,10 @@ import pytest
 
 from hpp_framework import testing
 from hpp_framework.cli.main import main
-from hpp_framework.errors import UnknownNameError
-from hpp_framework.registry import BrokenPlugin, Entry, hub
+from hpp_framework.plugins.registry import BrokenPlugin, Entry, hub
 from hpp_framework.testing import CheckError, build, check_planner, check_robot, inventory, report
 from hpp_framework.testing.inventory import check_broken, check_target, find_targets
+from hpp_framework.utils.errors import UnknownNameError
 
 ROOT = Path(__file__).parents[2]
 MODULES = (
@@ -132,7 +132,7 @@ def test_the_remedy_for_a_source_names_its_own_registry(kind, register):
 
 def test_a_value_that_is_refused_at_import_is_named_with_its_line(register, tmp_path, monkeypatch):
     number = "\n\nLIMITS = DriveLimits(speed=(0, 1), turn_rate=-2.0, acceleration=1, turn_acceleration=1)\n"
-    (tmp_path / "test_odd_rover.py").write_text(f"from hpp_framework.robot import DriveLimits{number}")
+    (tmp_path / "test_odd_rover.py").write_text(f"from hpp_framework.core.robot import DriveLimits{number}")
     monkeypatch.syspath_prepend(tmp_path)
     register("robots", "test-odd", "test_odd_rover:rover")
     with pytest.raises(CheckError) as error:

@@ -8,10 +8,10 @@ import pytest
 import warp as wp
 
 MODULES = (
-    "hpp_framework.sim.drive_kernels",
-    "hpp_framework.sim.lidar_kernels",
+    "hpp_framework.sim.batch.drive_kernels",
+    "hpp_framework.sim.batch.lidar_kernels",
     "hpp_framework.prediction.one_step_kernels",
-    "hpp_framework.prediction.chart_kernels",
+    "hpp_framework.perception.local_map_kernels",
     "hpp_skills.dwa.window_kernels",
     "hpp_framework.worlds.geodesic_kernels",
 )

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.geometry import polar
+from hpp_framework.core.world import World
 from hpp_framework.envs import PointToPoint, PointToPointEnv, PointToPointVectorEnv
-from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.geometry import polar
-from hpp_framework.sensing import NoiseModel
+from hpp_framework.utils.errors import ConfigError, SimulatorError
 from hpp_framework.worlds.pool import WorldPool, build_pool
-from hpp_framework.worlds.world import World
 
 SHORT = PointToPoint(max_steps=6)
 

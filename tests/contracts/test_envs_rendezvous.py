@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import Belief, MetaPlanner
+from hpp_framework.core.team import Team
+from hpp_framework.core.world import World
 from hpp_framework.envs import EpisodeConfig, HierarchyConfig, RendezvousEnv, TeamEnv
-from hpp_framework.errors import ConfigError, SimulatorError, UnknownNameError
-from hpp_framework.planner import Belief, MetaPlanner
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.team import Team
-from hpp_framework.worlds.world import World
+from hpp_framework.utils.errors import ConfigError, SimulatorError, UnknownNameError
 
 
 class Recorder(MetaPlanner):

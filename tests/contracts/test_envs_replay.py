@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.team import Team
 from hpp_framework.envs import (
     EpisodeConfig,
     HierarchyConfig,
@@ -22,8 +24,6 @@ from hpp_framework.envs import (
     RendezvousEnv,
     TeamEnv,
 )
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.team import Team
 
 NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=None, dropout=0.01)
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.geometry import polar
+from hpp_framework.core.world import Box, SpawnRule, World
 from hpp_framework.envs import EpisodeConfig, TeamEnv
-from hpp_framework.errors import ConfigError, HppError, SimulatorError, UnknownNameError
-from hpp_framework.geometry import polar
-from hpp_framework.registry import hub
-from hpp_framework.sensing import NoiseModel
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError, HppError, SimulatorError, UnknownNameError
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.world import Box, SpawnRule, World
 
 FORWARD = {"fetch": np.array([1.0, 0.3]), "freight": np.array([0.6, -0.4])}
 REST = {"fetch": np.zeros(2), "freight": np.zeros(2)}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
 
 FOLDER = Path(__file__).parents[2] / "examples"
 RUNS = {

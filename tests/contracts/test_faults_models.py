@@ -9,13 +9,13 @@ import pytest
 import torch
 
 from hpp_framework import testing
-from hpp_framework.errors import CheckpointError
-from hpp_framework.planner import Belief, MetaPlanner, certain
-from hpp_framework.predictor import Predictor
-from hpp_framework.registry import hub
-from hpp_framework.team import Member, Team
+from hpp_framework.core.planner import Belief, MetaPlanner, certain
+from hpp_framework.core.predictor import Predictor
+from hpp_framework.core.team import Member, Team
+from hpp_framework.core.types import Trajectories
+from hpp_framework.plugins.registry import hub
 from hpp_framework.testing import check_planner, check_predictor
-from hpp_framework.types import Trajectories
+from hpp_framework.utils.errors import CheckpointError
 
 TEAM = Team(
     tuple(

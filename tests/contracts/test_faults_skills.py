@@ -12,12 +12,12 @@ import pytest
 import torch
 
 from hpp_framework import testing
-from hpp_framework.errors import CheckpointError, ConfigError
-from hpp_framework.geometry import polar
-from hpp_framework.robot import DriveLimits, Lidar, Part, RobotSpec
-from hpp_framework.skill import Skill
+from hpp_framework.core.geometry import polar
+from hpp_framework.core.robot import DriveLimits, Lidar, Part, RobotSpec
+from hpp_framework.core.skill import Skill
 from hpp_framework.testing import CheckError, check_robot, check_skill
 from hpp_framework.testing.build import find_source
+from hpp_framework.utils.errors import CheckpointError, ConfigError
 
 
 def box_body():

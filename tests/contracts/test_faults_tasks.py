@@ -11,10 +11,10 @@ import pytest
 import torch
 
 from hpp_framework import testing
-from hpp_framework.errors import ConfigError
-from hpp_framework.task import Task, relative_speed
+from hpp_framework.core.task import Task, relative_speed
+from hpp_framework.core.world import Box, Cylinder, SpawnRule, World
 from hpp_framework.testing import check_task, check_world
-from hpp_framework.worlds.world import Box, Cylinder, SpawnRule, World
+from hpp_framework.utils.errors import ConfigError
 
 
 def off_centre(poses):

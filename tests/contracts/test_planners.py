@@ -7,20 +7,21 @@ from dataclasses import replace
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import PRESETS, PlannerContext
+from hpp_framework.core.predictor import Predictor
+from hpp_framework.core.types import Trajectories
 from hpp_framework.evaluation.rollout import build_agents
-from hpp_framework.planner import PRESETS, PlannerContext
-from hpp_framework.planning.hpp import PRESETS as hpp_presets
-from hpp_framework.planning.hpp import HppConfig, HppPlanner
-from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
-from hpp_framework.predictor import Predictor
-from hpp_framework.registry import hub
-from hpp_framework.seeding import torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import parse_team
-from hpp_framework.types import Trajectories
-from hpp_framework.worlds.generators import training
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.planning.hpp.planner import PRESETS as hpp_presets
+from hpp_framework.planning.hpp.planner import HppConfig, HppPlanner
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import torch_rng
+from hpp_framework.worlds.generators.training import training
 from hpp_framework.worlds.spawn import spawn_poses
 
 CASES = [
@@ -38,7 +39,7 @@ def team():
 @pytest.fixture(scope="module")
 def sensed(team):
     """Four episodes, a few steps in."""
-    from hpp_framework.seeding import numpy_rng
+    from hpp_framework.utils.seeding import numpy_rng
 
     rng = numpy_rng(5, "planners")
     worlds = [training(rng) for _ in range(4)]

@@ -9,13 +9,14 @@ from dataclasses import replace
 import pytest
 import torch
 
-from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
-from hpp_framework.errors import CheckpointError
+from hpp_framework.core.predictor import PredictorRequest, PredictorTraining
+from hpp_framework.core.team import Team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
 from hpp_framework.prediction import library
 from hpp_framework.prediction.collect import Collection, collect
-from hpp_framework.predictor import PredictorRequest, PredictorTraining
-from hpp_framework.registry import hub
-from hpp_framework.team import Team, parse_team
+from hpp_framework.utils.errors import CheckpointError
 
 KINDS = sorted(entry.name for entry in hub().predictor_trainers)
 PREDICTORS = sorted(entry.name for entry in hub().predictors)
@@ -135,8 +136,8 @@ def test_weights_that_do_not_say_what_they_are_for_are_refused(kind, team, weigh
 @torch.no_grad()
 def test_rollouts_keep_their_promises(name, team, weights):
     """Shapes, times, goal by goal and episode by episode, and the same answer twice."""
+    from hpp_framework.core.disturbances import NoiseModel
     from hpp_framework.evaluation.predictor_trials import draw_questions
-    from hpp_framework.sensing import NoiseModel
 
     folders = (weights,) if name in KINDS else ()
     model = hub().predictors.create(name, PredictorRequest(team=team, agent=0, folders=folders))

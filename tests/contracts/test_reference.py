@@ -44,7 +44,7 @@ def test_help_fits_its_page(helps):
 
 
 def test_configurations_are_found():
-    assert {"hpp_framework.planning.lattice.LatticeConfig", "hpp_skills.p2p.recipe.Recipe"} <= set(LISTED)
+    assert {"hpp_framework.planning.hpp.lattice.LatticeConfig", "hpp_skills.p2p.recipe.Recipe"} <= set(LISTED)
     assert not set(LISTED) & set(reference.other_configs(CONFIGURATION))
     assert set(reference.configs()) <= {*LISTED, *reference.other_configs(CONFIGURATION)}
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 import pytest
 
 from hpp_framework.cli.main import main
-from hpp_framework.errors import ConfigError
+from hpp_framework.config.planner_choice import make_planner, parameters, parse_planner
+from hpp_framework.config.settings import altered, parse_settings, setting
+from hpp_framework.core.planner import MetaPlanner, PlannerContext
 from hpp_framework.evaluation.experiment import Experiment, read_experiment, run_experiment
-from hpp_framework.evaluation.planners import make_planner, parameters, parse_planner
-from hpp_framework.planner import MetaPlanner, PlannerContext
-from hpp_framework.planning.hpp import HppConfig
-from hpp_framework.registry import hub
-from hpp_framework.settings import altered, parse_settings, setting
+from hpp_framework.planning.hpp.planner import HppConfig
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError
 
 TINY = Experiment(worlds=("simple",), planners=("hpp:predictor=constant-velocity:keep=0",), episodes=1)
 

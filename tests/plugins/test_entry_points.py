@@ -85,9 +85,9 @@ BAD = {
         "",
     ),
     "leaves": ("raise SystemExit(3)", ""),
-    "asks-early": ("from hpp_framework.registry import hub\nhub()\nregister = print", ""),
+    "asks-early": ("from hpp_framework.plugins.registry import hub\nhub()\nregister = print", ""),
     "from-tomorrow": ("raise RuntimeError('imported in vain')", "hpp-framework>=7,<8"),
-    "from-yesterday": ("from hpp_framework.robot import Robot", ""),
+    "from-yesterday": ("from hpp_framework.core.robot import Robot", ""),
     "second-fetch": (
         "def register(hub):\n    hub.robots.add('fetch', 'second_fetch:fetch')\n"
         "    hub.robots.add('own', 'second_fetch:own')",
@@ -189,7 +189,7 @@ def test_nothing_is_imported_before_the_first_look_up(site):
         import hpp_framework.registry
         late = {"rover_plugin", "hpp_robots", "hpp_skills", "warp", "sapien", "torch"}
         early = sorted(late & set(sys.modules))
-        list(hpp_framework.registry.hub().robots)
+        list(hpp_framework.plugins.registry.hub().robots)
         print(json.dumps({"early": early, "loaded": "rover_plugin" in sys.modules}))
     """
     assert in_fresh_process(site, code) == {"early": [], "loaded": True}

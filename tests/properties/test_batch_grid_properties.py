@@ -11,10 +11,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import Box, Cylinder, World
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.worlds.slicing import planar_map
-from hpp_framework.worlds.world import Box, Cylinder, World
 
 EDGE = 1e-3
 """Beams whose range differs this many radians to either side are left out: rounding decides there."""

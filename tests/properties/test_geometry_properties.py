@@ -9,7 +9,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpp_framework import geometry
+from hpp_framework.core import geometry
 
 coordinate = st.floats(-100, 100, allow_subnormal=False)
 angle = st.floats(-10, 10, allow_subnormal=False)

@@ -11,9 +11,9 @@ import torch
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.worlds.world import Box, Cylinder, World
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.world import Box, Cylinder, World
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 EDGE = 2e-3
 """Beams that see something else this many radians to either side are left out: rounding decides there."""

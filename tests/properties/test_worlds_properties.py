@@ -9,11 +9,11 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hpp_framework.registry import hub
+from hpp_framework.core.world import Box, Cylinder, SpawnRule, World
+from hpp_framework.plugins.registry import hub
 from hpp_framework.worlds.loader import load_world
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import Box, Cylinder, SpawnRule, World
 
 QUICK = settings(
     max_examples=25,

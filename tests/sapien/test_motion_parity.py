@@ -8,17 +8,17 @@ import pytest
 import torch
 import trimesh
 
-from hpp_framework.geometry import wrap_angle
-from hpp_framework.registry import hub
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.core.geometry import wrap_angle
+from hpp_framework.core.world import Box, Cylinder, Mesh, World
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.scans.real_room import LAYOUTS
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
-sapien = pytest.importorskip("hpp_framework.sim.sapien")
+sapien = pytest.importorskip("hpp_framework.sim.sapien.simulator")
 
 pytestmark = pytest.mark.sapien
 

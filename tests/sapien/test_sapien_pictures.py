@@ -5,13 +5,13 @@ import pytest
 import torch
 import trimesh
 
-from hpp_framework.errors import ConfigError, SimulatorError
-from hpp_framework.registry import hub
+from hpp_framework.core.world import Box, Cylinder, Mesh, World
+from hpp_framework.plugins.registry import hub
 from hpp_framework.sim import make_simulator, rendering_problem
-from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
+from hpp_framework.utils.errors import ConfigError, SimulatorError
 
-pytest.importorskip("hpp_framework.sim.sapien")
-from hpp_framework.sim.sapien_camera import SceneCamera, View, team_view  # needs the package
+pytest.importorskip("hpp_framework.sim.sapien.simulator")
+from hpp_framework.sim.sapien.camera import SceneCamera, View, team_view  # needs the package
 
 pytestmark = [pytest.mark.sapien, pytest.mark.render]
 

@@ -8,15 +8,15 @@ import sys
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError, SimulatorError, UnknownNameError
-from hpp_framework.registry import hub
-from hpp_framework.seeding import numpy_rng, torch_rng
+from hpp_framework.core.world import Box, World
+from hpp_framework.plugins.registry import hub
 from hpp_framework.sim import make_simulator
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError, SimulatorError, UnknownNameError
+from hpp_framework.utils.seeding import numpy_rng, torch_rng
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import Box, World
 
-sapien = pytest.importorskip("hpp_framework.sim.sapien")
+sapien = pytest.importorskip("hpp_framework.sim.sapien.simulator")
 
 pytestmark = pytest.mark.sapien
 
@@ -137,9 +137,9 @@ def test_bad_input_is_refused():
 def test_a_missing_package_is_explained():
     code = (
         "import sys; sys.modules['sapien'] = None\n"
-        "from hpp_framework.registry import hub\n"
+        "from hpp_framework.plugins.registry import hub\n"
         "from hpp_framework.sim import make_simulator\n"
-        "from hpp_framework.errors import SimulatorError\n"
+        "from hpp_framework.utils.errors import SimulatorError\n"
         "try:\n    make_simulator('sapien', [hub().robots.create('fetch')])\n"
         "except SimulatorError as error:\n    print(error)\n"
     )
@@ -151,10 +151,10 @@ def test_a_missing_package_is_explained():
 def test_without_vulkan_physics_works_and_pictures_are_refused():
     code = (
         "import torch\n"
-        "from hpp_framework.errors import SimulatorError\n"
-        "from hpp_framework.registry import hub\n"
+        "from hpp_framework.utils.errors import SimulatorError\n"
+        "from hpp_framework.plugins.registry import hub\n"
         "from hpp_framework.sim import make_simulator, rendering_problem\n"
-        "from hpp_framework.worlds.world import World\n"
+        "from hpp_framework.core.world import World\n"
         "robots = [hub().robots.create('fetch')]\n"
         "with make_simulator('sapien', robots) as simulator:\n"
         "    simulator.reset([World(name='room')], torch.zeros(1, 1, 3))\n"

@@ -10,16 +10,17 @@ import pytest
 import torch
 import yaml
 
-from hpp_framework.attendance import PartTimeAgent, attendance, heard
-from hpp_framework.errors import ConfigError
+from hpp_framework.agents.scheduled import PartTimeAgent, attendance, heard
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.world import World
 from hpp_framework.evaluation.experiment import Experiment, check_experiment, make_agents
-from hpp_framework.evaluation.record import Recorder
+from hpp_framework.evaluation.recorder import Recorder
 from hpp_framework.evaluation.replay import Replay, replay
 from hpp_framework.evaluation.rollout import run_episodes
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.loader import resolve_world
-from hpp_framework.worlds.world import World
 
 ROOM = World(name="room", bounds=(-10.0, -10.0, 10.0, 10.0))
 

@@ -11,8 +11,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.worlds.world import Box, Cylinder, World
+from hpp_framework.core.world import Box, Cylinder, World
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 SKIN = 2e-3
 """Metres that a robot may be pressed into what it touches."""

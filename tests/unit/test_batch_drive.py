@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.errors import SimulatorError
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.world import World
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.sim.factory import make_simulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD, SUBSTEPS
-from hpp_framework.worlds.world import World
+from hpp_framework.sim.simulator import SUBSTEPS
+from hpp_framework.utils.errors import SimulatorError
 
 
 def commands(*rows: tuple[float, float]) -> torch.Tensor:

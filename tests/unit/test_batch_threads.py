@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.crew import FEWEST, Crew
-from hpp_framework.errors import SimulatorError
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.types import State
+from hpp_framework.core.types import State
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import SimulatorError
+from hpp_framework.utils.thread_pool import FEWEST, Crew
 
 EPISODES = 5 * FEWEST + 3
 

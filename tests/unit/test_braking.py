@@ -7,12 +7,12 @@ import math
 import pytest
 import torch
 
-from hpp_framework.braking import SHORT, Braking, speeds_now
-from hpp_framework.halting import motion
-from hpp_framework.registry import hub
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.team import parse_team
-from hpp_framework.types import Observation
+from hpp_framework.control.stopping import motion
+from hpp_framework.control.yield_together import SHORT, Braking, speeds_now
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
 
 TEAM = parse_team("fetch,freight")
 TASK = hub().tasks.create("rendezvous", TEAM.robots)

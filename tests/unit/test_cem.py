@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.planning.cem import CemConfig, cross_entropy
-from hpp_framework.seeding import torch_rng
+from hpp_framework.planning.hpp.cem import CemConfig, cross_entropy
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import torch_rng
 
 TARGET = torch.tensor([[1.0, -2.0], [3.0, 0.5]])
 

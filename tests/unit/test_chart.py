@@ -7,7 +7,10 @@ import math
 import pytest
 import torch
 
-from hpp_framework.prediction.chart import (
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.types import Keyframes
+from hpp_framework.core.world import Box, World
+from hpp_framework.perception.local_map import (
     CELLS,
     CLEAR,
     RESOLUTION,
@@ -15,10 +18,8 @@ from hpp_framework.prediction.chart import (
     clearance_around,
     draw_chart,
 )
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.types import Keyframes
-from hpp_framework.worlds.world import Box, World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 ARCS = torch.tensor([0.5, 1.0, 2.0, 3.0, 5.0])
 

@@ -7,8 +7,8 @@ import json
 import pytest
 import torch
 
-from hpp_framework.checkpoints import load_checkpoint, load_into, save_checkpoint
-from hpp_framework.errors import CheckpointError
+from hpp_framework.plugins.weights import load_checkpoint, load_into, save_checkpoint
+from hpp_framework.utils.errors import CheckpointError
 
 CARD = {"kind": "p2p", "robot": "fetch", "beams": 222}
 

@@ -11,15 +11,16 @@ from hpp_skills.dwa.config import DwaConfig
 from hpp_skills.dwa.skill import DynamicWindow
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.skill import Skill
-from hpp_framework.types import Observation, State
-from hpp_framework.worlds.world import Box, Cylinder, World
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation, State
+from hpp_framework.core.world import Box, Cylinder, World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
 
 CLASSICAL = ("dwa", "pure-pursuit")
 ROBOTS = ("fetch", "fetch-real", "freight", "freight-real")

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
 from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.evaluate_skill import TABLE_WIDTH, skill_table
 from hpp_framework.cli.evaluate_tables import blame_table, comparison_table, summary_table
 from hpp_framework.cli.main import main
 from hpp_framework.cli.run import Run
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
 
 WORLD = "name: room\nbounds: [-5, -5, 5, 5]\n"
 
@@ -114,7 +114,7 @@ def test_another_experiment_in_the_folder(tmp_path, capsys):
 
 
 def test_weights_of_another_robot_and_damaged_weights(tmp_path):
-    from hpp_framework.errors import CheckpointError
+    from hpp_framework.utils.errors import CheckpointError
 
     load = hub().skills.entry("p2p").factory()
     fetch, freight = hub().robots.create("fetch"), hub().robots.create("freight")

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from hpp_framework.checkpoints import WEIGHTS_VARIABLE
 from hpp_framework.cli import doctor
 from hpp_framework.cli.doctor import COUNTED, HEADLESS, Doctor, Finding
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import WEIGHTS_VARIABLE
 
 BUILD = "\n  GUI:                           {gui}\n    QT:                          YES\n"
 

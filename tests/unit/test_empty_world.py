@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import torch
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.build import make_skills, parse_team
 from hpp_framework.prediction.empty_world import EmptyWorld, observed_velocities
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import parse_team
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 
 def drive(team, world, goals, steps):
@@ -17,7 +18,7 @@ def drive(team, world, goals, steps):
     state = simulator.reset([world, world], starts)
     sensing = Sensing(team.robots, NoiseModel(), torch.Generator())
     sensing.reset(state)
-    skills = team.skills()
+    skills = make_skills(team)
     seen, poses = [], []
     for _ in range(steps):
         seen.append([sensing.observe(i) for i in range(len(team))])

@@ -6,7 +6,7 @@ import inspect
 
 import pytest
 
-from hpp_framework import errors
+from hpp_framework.utils import errors
 
 
 @pytest.mark.parametrize(

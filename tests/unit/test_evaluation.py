@@ -16,9 +16,9 @@ from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_ex
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.rows import to_rows
 from hpp_framework.evaluation.summary import Results, summarise
-from hpp_framework.registry import hub
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import parse_team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.worlds.loader import resolve_world
 
 SMALL = Experiment(
@@ -171,8 +171,8 @@ def test_success_needs_rest():
 
 def test_agents_brake_in_time_to_rest_together():
     """Two robots that rush at each other begin to brake before they are close."""
-    from hpp_framework.agent import Rest
-    from hpp_framework.types import Observation
+    from hpp_framework.control.stop_on_success import Rest
+    from hpp_framework.core.types import Observation
 
     team = parse_team("fetch,freight")
     rest = Rest(hub().tasks.create("rendezvous", team.robots), team.robots)

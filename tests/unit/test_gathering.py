@@ -7,14 +7,15 @@ import math
 import pytest
 import torch
 
-from hpp_framework.docking import GAP, Docking
+from hpp_framework.control.safety_filter import Guard
+from hpp_framework.control.terminal_approach import GAP, Docking
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.world import Box, World
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.guard import Guard
-from hpp_framework.registry import hub
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import parse_team
-from hpp_framework.worlds.world import Box, World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 ROOM = World(name="room", bounds=(-10.0, -10.0, 10.0, 10.0))
 

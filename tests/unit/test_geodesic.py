@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.world import Box, World
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.geodesic import comfortable_ways, shortest_ways
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.world import Box, World
 
 RADIUS = 0.2877
 WALL = World(name="wall", bounds=(-5, -5, 5, 5), boxes=(Box(center=(0, -1.0), size=(0.2, 8.0)),))

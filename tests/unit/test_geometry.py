@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework import geometry
+from hpp_framework.core import geometry
 
 QUARTER = math.pi / 2
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.guard import Guard, GuardConfig
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.types import Keyframes, Observation
-from hpp_framework.worlds.world import Cylinder, World
+from hpp_framework.control.safety_filter import Guard, GuardConfig
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.types import Keyframes, Observation
+from hpp_framework.core.world import Cylinder, World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
 
 FAR = 25.0
 

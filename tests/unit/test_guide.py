@@ -7,12 +7,12 @@ import math
 import pytest
 import torch
 
-from hpp_framework.agent import make_agent
-from hpp_framework.evaluation.planners import parse_planner
-from hpp_framework.guide import BACK, BEGINNING, BEYOND, SINCE, UNDER_WAY, Guide
-from hpp_framework.registry import hub
-from hpp_framework.skill import Skill
-from hpp_framework.types import Keyframes, Observation
+from hpp_framework.agents.hierarchical import make_agent
+from hpp_framework.config.planner_choice import parse_planner
+from hpp_framework.control.rotate_to_path import BACK, BEGINNING, BEYOND, SINCE, UNDER_WAY, Guide
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.types import Keyframes, Observation
+from hpp_framework.plugins.registry import hub
 
 
 def before_a_wall(robot, heading):

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from hpp_framework.cli.main import main
-from hpp_framework.errors import ConfigError
-from hpp_framework.evaluation.decisions import HORIZONS, decisions, goal_disagreement
-from hpp_framework.evaluation.film import LAST_FRAMES, frames
-from hpp_framework.evaluation.floor_plan import floor_plan
-from hpp_framework.evaluation.inspection import Inspection, write_page, write_pictures
-from hpp_framework.evaluation.marks import score_colors, score_range
-from hpp_framework.evaluation.record import AgentRecord, EpisodeRecord, Plan
-from hpp_framework.evaluation.record_file import FILE, save_record
-from hpp_framework.worlds.world import World
+from hpp_framework.core.world import World
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.viz.decisions import HORIZONS, decisions, goal_disagreement
+from hpp_framework.viz.film import LAST_FRAMES, frames
+from hpp_framework.viz.floor_plan import floor_plan
+from hpp_framework.viz.inspection import Inspection, write_page, write_pictures
+from hpp_framework.viz.marks import score_colors, score_range
+from hpp_framework.viz.record import AgentRecord, EpisodeRecord, Plan
+from hpp_framework.viz.record_file import FILE, save_record
 
 PERIOD = 0.2
 CANDIDATES = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], np.float32)
@@ -213,10 +213,10 @@ def test_a_run_s_episode_number_is_checked(tmp_path, capsys):
 
 def test_an_episode_of_an_evaluation_is_run_again_as_it_was(tmp_path, monkeypatch):
     """Also where agents and sensors draw random numbers, which the batch shares."""
+    from hpp_framework.core.disturbances import NoiseModel
     from hpp_framework.evaluation import showcase
     from hpp_framework.evaluation.experiment import Experiment, run_experiment
     from hpp_framework.evaluation.showcase import Which
-    from hpp_framework.sensing import NoiseModel
 
     monkeypatch.setattr(showcase, "write_video", lambda *_: None)
     experiment = Experiment(

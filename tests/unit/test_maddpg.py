@@ -9,12 +9,11 @@ import pytest
 import torch
 from torch import nn
 
-from hpp_framework.agent import Agent
-from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
+from hpp_framework.agents.hierarchical import Agent
 from hpp_framework.cli.main import main
-from hpp_framework.errors import CheckpointError, ConfigError
-from hpp_framework.planner import PlannerContext
-from hpp_framework.planning.maddpg import (
+from hpp_framework.core.planner import PlannerContext
+from hpp_framework.core.types import Observation
+from hpp_framework.planning.baselines.maddpg import (
     MaddpgPolicy,
     empty_actors,
     expected_metadata,
@@ -22,16 +21,17 @@ from hpp_framework.planning.maddpg import (
     features,
     file_name,
 )
-from hpp_framework.registry import hub
-from hpp_framework.seeding import torch_rng
-from hpp_framework.team import parse_team
-from hpp_framework.training.maddpg import Learner, MaddpgConfig, Transitions
-from hpp_framework.training.maddpg_figure import plot_seeds
-from hpp_framework.training.maddpg_practice import Noise
-from hpp_framework.training.maddpg_replay import Replay
-from hpp_framework.training.maddpg_rooms import Practice, Rooms
-from hpp_framework.training.maddpg_seeds import Judge, MaddpgTraining, keep_best, train_seed
-from hpp_framework.types import Observation
+from hpp_framework.plugins.build import make_skills, parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
+from hpp_framework.training.maddpg.figure import plot_seeds
+from hpp_framework.training.maddpg.learner import Learner, MaddpgConfig, Transitions
+from hpp_framework.training.maddpg.practice import Noise
+from hpp_framework.training.maddpg.replay import Replay
+from hpp_framework.training.maddpg.rooms import Practice, Rooms
+from hpp_framework.training.maddpg.seeds import Judge, MaddpgTraining, keep_best, train_seed
+from hpp_framework.utils.errors import CheckpointError, ConfigError
+from hpp_framework.utils.seeding import torch_rng
 
 AGENTS, FEATURES = 3, 5
 TINY = {
@@ -203,7 +203,7 @@ def test_a_robot_keeps_its_actor_whatever_the_teams_order(team):
 def test_a_policy_drives_itself_and_points_where_it_goes(team):
     actors = empty_actors(team.robots, torch_rng(0, "actors"))
     policy = MaddpgPolicy(actors, team.robots, 0)
-    agent = Agent(team.skills()[0], policy, None, torch_rng(0, "none"))
+    agent = Agent(make_skills(team)[0], policy, None, torch_rng(0, "none"))
     seen = observation(0, [[1.0, 2.0, 0.5], [4.0, 4.0, 0.0]])
     speed, turn = policy.command(seen)[0]
     assert torch.equal(agent.act(seen), policy.command(seen))

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 import torch
 
+from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Visit
+from hpp_framework.core.robot import DriveLimits
+from hpp_framework.core.task import Task
+from hpp_framework.core.world import Box, World
 from hpp_framework.evaluation.gathering import first_met
 from hpp_framework.evaluation.reach import Reach
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.task_bounds import task_bounds
-from hpp_framework.registry import hub
-from hpp_framework.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Visit
-from hpp_framework.robot import DriveLimits
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.task import Task
-from hpp_framework.team import parse_team
-from hpp_framework.worlds.generators import training
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.seeding import numpy_rng
+from hpp_framework.worlds.generators.training import training
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import Box, World
 
 PERIOD = 0.2
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from hpp_framework.core.world import Box, Cylinder, Mesh, World
 from hpp_framework.worlds.occupancy import fill_outlines, free_space
-from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
 
 def test_distance_agrees_with_geometry():

@@ -13,27 +13,27 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.checkpoints import (
-    WEIGHTS_VARIABLE,
-    find_weights,
-    load_checkpoint,
-    save_checkpoint,
-    weight_folders,
-)
 from hpp_framework.cli.onboard import _own_folder, _what_next
-from hpp_framework.errors import CheckpointError, ConfigError
+from hpp_framework.core.predictor import PredictorRequest
 from hpp_framework.onboarding import run as onboarding_run
 from hpp_framework.onboarding.card import write_card
 from hpp_framework.onboarding.config import make_onboarding
 from hpp_framework.onboarding.run import describe_plan, onboard
 from hpp_framework.onboarding.scale import SCALES, Scale
 from hpp_framework.onboarding.stages import Stage, make_stages
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import Hub, Registry
+from hpp_framework.plugins.weights import (
+    WEIGHTS_VARIABLE,
+    find_weights,
+    load_checkpoint,
+    save_checkpoint,
+    weight_folders,
+)
 from hpp_framework.prediction.collect import Collection, collect
 from hpp_framework.prediction.dataset import TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, find_model
-from hpp_framework.predictor import PredictorRequest
-from hpp_framework.registry import Hub, Registry
-from hpp_framework.team import parse_team
+from hpp_framework.utils.errors import CheckpointError, ConfigError
 
 SMOKE = SCALES["smoke"]
 
@@ -236,7 +236,9 @@ def test_what_to_do_with_the_weights_names_the_folder_of_the_package(tmp_path, m
     checkpoints.add("my_robot", lambda: folder)
     checkpoints.set_origin("other 1.0")
     checkpoints.add("other", lambda: tmp_path)
-    monkeypatch.setattr("hpp_framework.registry.hub", lambda: Hub(robots=robots, checkpoints=checkpoints))
+    monkeypatch.setattr(
+        "hpp_framework.plugins.registry.hub", lambda: Hub(robots=robots, checkpoints=checkpoints)
+    )
     assert _own_folder("rover") == folder
     weights = Path("runs") / "rover" / "weights"
     assert f"cp -r runs/rover/weights/. {folder}/\n" in _what_next(weights, folder)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hpp_framework import geometry
+from hpp_framework.core import geometry
+from hpp_framework.core.types import Observation
+from hpp_framework.perception.sensing import HISTORY
 from hpp_framework.prediction import delta_general_pose_lidar, delta_pose_lidar, pose_lidar
 from hpp_framework.prediction.one_step import RANGE_CAP, OneStepNetwork
 from hpp_framework.prediction.one_step_rollout import OneStep
-from hpp_framework.sensing import HISTORY
-from hpp_framework.types import Observation
 
 BEAMS = 40
 FORMS = [delta_pose_lidar.FORM, pose_lidar.FORM, delta_general_pose_lidar.FORM]

@@ -8,20 +8,22 @@ import numpy as np
 import pytest
 import torch
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.option import Option, anywhere, arrived
+from hpp_framework.core.planner import PlannerContext
+from hpp_framework.core.predictor import Predictor
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.types import Trajectories
+from hpp_framework.core.world import Box, World
 from hpp_framework.envs import HierarchyConfig, RendezvousEnv
-from hpp_framework.errors import ConfigError, SimulatorError, UnknownNameError
-from hpp_framework.option import Option, anywhere, arrived, clear_way, make_option
-from hpp_framework.planner import PlannerContext
-from hpp_framework.planning.lattice import LatticePlanner
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.perception.visibility import clear_way
+from hpp_framework.planning.hpp.lattice import LatticePlanner
 from hpp_framework.planning.options import OptionsConfig, OptionsPlanner, OwnMotion, score_of
-from hpp_framework.predictor import Predictor
-from hpp_framework.registry import hub
-from hpp_framework.sensing import NoiseModel, Sensing
+from hpp_framework.plugins.build import make_option, parse_team
+from hpp_framework.plugins.registry import hub
 from hpp_framework.sim import make_simulator
-from hpp_framework.skill import Skill
-from hpp_framework.team import parse_team
-from hpp_framework.types import Trajectories
-from hpp_framework.worlds.world import Box, World
+from hpp_framework.utils.errors import ConfigError, SimulatorError, UnknownNameError
 
 
 class Constant(Skill):

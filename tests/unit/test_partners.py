@@ -5,17 +5,18 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.evaluation.planners import make_planner
+from hpp_framework.config.planner_choice import make_planner
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import PlannerContext
+from hpp_framework.core.types import Observation
+from hpp_framework.core.world import Box, World
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.planner import PlannerContext
-from hpp_framework.registry import hub
-from hpp_framework.seeding import torch_rng
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import parse_team
-from hpp_framework.types import Observation
-from hpp_framework.worlds.world import Box, World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import torch_rng
 
 STARTS = torch.tensor([[[0.0, 0.0, 0.0], [-3.0, 3.0, 0.0]]]).repeat(3, 1, 1)
 WORLD = World(name="room", bounds=(-6, -6, 6, 6), boxes=(Box(center=(2.0, 0.0), size=(0.5, 2.0)),))

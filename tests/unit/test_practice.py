@@ -11,13 +11,13 @@ from hpp_skills.p2p.network import NetworkShape, PolicyNetwork
 from hpp_skills.p2p.recipe import GOING_ON, Recipe
 from safetensors.torch import load_file
 
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.skill import SkillTraining
 from hpp_framework.envs.journeys import Journeys
 from hpp_framework.envs.point_to_point import GUIDE, PointToPointVectorEnv
 from hpp_framework.envs.problem import PointToPoint, Practice
-from hpp_framework.errors import ConfigError
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.skill import SkillTraining
 from hpp_framework.training.ppo import PpoConfig
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.pool import build_practice_pool
 
 QUIET = Practice(noise=NoiseModel(), late=0.0, weakest_drive=1.0, end_on_touch=0.0, detours=0.0)

@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.checkpoints import load_checkpoint
 from hpp_framework.cli.main import main
-from hpp_framework.errors import CheckpointError, ConfigError
+from hpp_framework.core.predictor import PredictorRequest, PredictorTraining
+from hpp_framework.core.types import Observation
+from hpp_framework.perception.sensing import HISTORY
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import load_checkpoint
 from hpp_framework.prediction import delta_general_pose_lidar, delta_pose_lidar, pose_lidar
 from hpp_framework.prediction.collect import SCAN_UNIT, Collection, collect
 from hpp_framework.prediction.constant_velocity import ConstantVelocity
@@ -21,12 +25,8 @@ from hpp_framework.prediction.far_sighted import OFFSETS, FarSighted, FarSighted
 from hpp_framework.prediction.library import model_pairs
 from hpp_framework.prediction.one_step import OneStepNetwork
 from hpp_framework.prediction.one_step_rollout import OneStep
-from hpp_framework.predictor import PredictorRequest, PredictorTraining
-from hpp_framework.registry import hub
-from hpp_framework.seeding import numpy_rng
-from hpp_framework.sensing import HISTORY
-from hpp_framework.team import parse_team
-from hpp_framework.types import Observation
+from hpp_framework.utils.errors import CheckpointError, ConfigError
+from hpp_framework.utils.seeding import numpy_rng
 
 FORMS = [delta_pose_lidar.FORM, pose_lidar.FORM, delta_general_pose_lidar.FORM]
 TINY = Collection(trajectories=60, chunk=20, steps=85, worlds=2, seed=4)
@@ -364,7 +364,7 @@ def test_candidates_do_not_influence_each_other(fetch):
 
 def test_models_do_not_depend_on_where_the_world_has_its_origin():
     """Turning and moving everything turns and moves what is predicted."""
-    from hpp_framework import geometry
+    from hpp_framework.core import geometry
 
     seen = observation()
     goals = torch.randn(3, 4, 2, generator=torch.Generator().manual_seed(2))

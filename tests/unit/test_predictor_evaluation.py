@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpp_framework.cli.main import main
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.predictor import Predictor
+from hpp_framework.core.types import Trajectories
 from hpp_framework.evaluation.predictor_score import (
     ALL,
     CalibrationRow,
@@ -24,10 +26,8 @@ from hpp_framework.evaluation.predictor_score import (
 from hpp_framework.evaluation.predictor_study import BASELINES, CALIBRATION_PICTURE
 from hpp_framework.evaluation.predictor_trials import MOMENTS, Misses, draw_questions, misses
 from hpp_framework.evaluation.table import read_rows
-from hpp_framework.predictor import Predictor
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.team import parse_team
-from hpp_framework.types import Trajectories
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.utils.errors import ConfigError
 
 PERIOD = 0.2
 

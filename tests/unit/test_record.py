@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.evaluation import record_file
-from hpp_framework.evaluation.record import Recorder
-from hpp_framework.evaluation.record_file import FILE, GRAIN, load_record, save_record
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.evaluation.recorder import Recorder
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.registry import hub
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.team import parse_team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.viz import record_file
+from hpp_framework.viz.record_file import FILE, GRAIN, load_record, save_record
 
 STARTS = torch.tensor([[[-2.0, 0.0, 0.0], [2.0, 0.5, 3.0]], [[-0.4, 0.0, 0.0], [0.4, 0.0, 3.1]]])
 ABOUT = {

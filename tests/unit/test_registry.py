@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from hpp_framework.errors import PluginError, UnknownNameError
-from hpp_framework.registry import Hub, Registry, hub
+from hpp_framework.plugins.registry import Hub, Registry, hub
+from hpp_framework.utils.errors import PluginError, UnknownNameError
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_unknown_name_suggests(robots):
 def test_an_installed_package_that_registers_none_of_the_kind_is_named(robots, name, hint, monkeypatch):
     versions = {"pytest": "9.0", "own-plugin": "1.0"}
     monkeypatch.setattr(
-        "hpp_framework.registry.installed", lambda names: {each: versions.get(each) for each in names}
+        "hpp_framework.plugins.registry.installed", lambda names: {each: versions.get(each) for each in names}
     )
     robots.set_origin("own-plugin 1.0")
     robots.add("rover", list)

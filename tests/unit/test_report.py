@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpp_framework.errors import ConfigError
 from hpp_framework.evaluation import distances
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.predictor_score import ErrorRow
@@ -23,6 +22,7 @@ from hpp_framework.reproduction.report import write_report
 from hpp_framework.reproduction.report_episodes import ranked
 from hpp_framework.reproduction.report_html import Column, table, tag
 from hpp_framework.reproduction.report_svg import planner_styles
+from hpp_framework.utils.errors import ConfigError
 
 WORLDS, PLANNERS, EPISODES = ("wall", "navigation"), ("hpp", "hpp:preset=paper", "centralized-mp"), 4
 EVIL = "<script>alert('x')</script> & more"

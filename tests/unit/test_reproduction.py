@@ -19,7 +19,6 @@ import tyro
 from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.main import main
 from hpp_framework.cli.options import names, to_experiment
-from hpp_framework.errors import ConfigError, UnknownNameError
 from hpp_framework.evaluation.experiment import Experiment, read_experiment
 from hpp_framework.evaluation.folder import CONFIG, EVALUATE, open_evaluation, record
 from hpp_framework.evaluation.predictor_study import PredictorStudy
@@ -33,6 +32,7 @@ from hpp_framework.reproduction.measures import Arm, Measures
 from hpp_framework.reproduction.plan import Curves, choose, write_plan
 from hpp_framework.reproduction.run import reproduce
 from hpp_framework.reproduction.statements import claims
+from hpp_framework.utils.errors import ConfigError, UnknownNameError
 
 NAN = float("nan")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hpp_framework.planning.inference import Evidence, GoalInference
-from hpp_framework.planning.lattice import lattice_config
-from hpp_framework.planning.response import as_one_gaussian, likeliest, moments, pair_rewards
-from hpp_framework.registry import hub
-from hpp_framework.team import parse_team
-from hpp_framework.types import Trajectories
+from hpp_framework.core.types import Trajectories
+from hpp_framework.planning.hpp.best_response import as_one_gaussian, likeliest, moments, pair_rewards
+from hpp_framework.planning.hpp.inference import Evidence, GoalInference
+from hpp_framework.planning.hpp.lattice import lattice_config
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
 
 INFERENCE = GoalInference(elapsed=1.0, surprise=0.2, memory=0.5, reach=0.5)
 GOALS = torch.tensor([[[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]]])

@@ -10,11 +10,11 @@ import pytest
 import torch
 from hpp_robots import base
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.registry import hub
-from hpp_framework.robot import DriveLimits, Lidar, RobotSpec
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.worlds.world import World
+from hpp_framework.core.robot import DriveLimits, Lidar, RobotSpec
+from hpp_framework.core.world import World
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError
 
 WHEEL_RADIUS, WHEEL_CENTRE = 0.0605, 0.0553
 """URDF 0.8.3: wheel joint height; radius 1 / 16.5289 of the drive's gear."""

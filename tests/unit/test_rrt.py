@@ -9,23 +9,24 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError, HppError
-from hpp_framework.evaluation.planners import make_planner
+from hpp_framework.config.planner_choice import make_planner
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import PlannerContext
+from hpp_framework.core.robot import Lidar
+from hpp_framework.core.world import Box, World
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.planner import PlannerContext
-from hpp_framework.planning.rrt import ALGORITHMS, TreeConfig, find_path, grow_tree
-from hpp_framework.planning.rrt_cem import RrtCemConfig
-from hpp_framework.planning.rrt_map import Room, room_for, seen_points, seen_spaces
-from hpp_framework.planning.rrt_path import SPACING, padded, resampled
-from hpp_framework.planning.rrt_planner import RrtConfig
-from hpp_framework.planning.rrt_predictor import MotionConfig, RrtPredictor
-from hpp_framework.registry import hub
-from hpp_framework.robot import Lidar
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import parse_team
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.planning.baselines.rrt import ALGORITHMS, TreeConfig, find_path, grow_tree
+from hpp_framework.planning.baselines.rrt_cem import RrtCemConfig
+from hpp_framework.planning.baselines.rrt_map import Room, room_for, seen_points, seen_spaces
+from hpp_framework.planning.baselines.rrt_path import SPACING, padded, resampled
+from hpp_framework.planning.baselines.rrt_planner import RrtConfig
+from hpp_framework.planning.baselines.rrt_predictor import MotionConfig, RrtPredictor
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.errors import ConfigError, HppError
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
-from hpp_framework.worlds.world import Box, World
 
 WEST, EAST = np.array([-3.0, 0.0]), np.array([3.0, 0.0])
 SHORTEST = 2 * np.hypot(2.5, 4.0) + 1.0

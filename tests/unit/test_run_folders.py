@@ -11,13 +11,13 @@ import pytest
 import torch
 
 from hpp_framework.cli.main import main
-from hpp_framework.errors import CheckpointError, ConfigError, HppError
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.planner import Belief, MetaPlanner
+from hpp_framework.core.world import World
 from hpp_framework.evaluation import showcase as film
 from hpp_framework.evaluation.experiment import Experiment, read_experiment, run_experiment
 from hpp_framework.evaluation.rollout import EPISODE_STEPS
-from hpp_framework.planner import Belief, MetaPlanner
-from hpp_framework.sensing import NoiseModel
-from hpp_framework.worlds.world import World
+from hpp_framework.utils.errors import CheckpointError, ConfigError, HppError
 
 TINY = Experiment(worlds=("simple",), planners=("centralized-mp",), episodes=1)
 COMMAND = ["evaluate", "--worlds", "simple", "--planners", "centralized-mp", "--episodes", "1", "--out"]

@@ -9,10 +9,10 @@ from dataclasses import replace
 import pytest
 
 from hpp_framework.cli.main import main
-from hpp_framework.errors import ConfigError
-from hpp_framework.evaluation.record_file import load_record
 from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.saving import check_choice, choose
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.viz.record_file import load_record
 
 COMMAND = ["evaluate", "--worlds", "simple", "--planners", "centralized-mp,centralized-rp", "--episodes", "4"]
 

@@ -11,17 +11,18 @@ from hpp_skills.p2p import search as p2p_search
 from hpp_skills.p2p.recipe import Recipe
 
 from hpp_framework.cli.main import main
-from hpp_framework.errors import ConfigError, HppError
-from hpp_framework.registry import hub
-from hpp_framework.skill import SkillTraining
-from hpp_framework.training import search_report, search_trial
-from hpp_framework.training.search import search_skill
-from hpp_framework.training.search_config import SearchConfig
-from hpp_framework.training.search_figure import draw_search
-from hpp_framework.training.search_importance import rank_correlations
-from hpp_framework.training.search_report import train_command
-from hpp_framework.training.search_space import Choice, Phase, Range, SkillSearch
-from hpp_framework.training.search_trial import TrialTask, launch, run_trial
+from hpp_framework.core.skill import SkillTraining
+from hpp_framework.plugins.registry import hub
+from hpp_framework.training.search import report as search_report
+from hpp_framework.training.search import trial as search_trial
+from hpp_framework.training.search.config import SearchConfig
+from hpp_framework.training.search.figure import draw_search
+from hpp_framework.training.search.importance import rank_correlations
+from hpp_framework.training.search.report import train_command
+from hpp_framework.training.search.run import search_skill
+from hpp_framework.training.search.space import Choice, Phase, Range, SkillSearch
+from hpp_framework.training.search.trial import TrialTask, launch, run_trial
+from hpp_framework.utils.errors import ConfigError, HppError
 
 TRAINED = []
 """What the toy trainer was called with in this process."""
@@ -100,7 +101,7 @@ def config(out, **changes):
 
 def finished(out):
     """Return what the journal says of every trial, by phase and number."""
-    from hpp_framework.training.search_study import PhaseStudy, open_storage
+    from hpp_framework.training.search.study import PhaseStudy, open_storage
 
     storage, search = open_storage(out), toy_search()
     studies = [PhaseStudy(storage, search, phase, {}, 0) for phase in search.phases]
@@ -249,7 +250,7 @@ def test_the_report_holds_every_trial_and_the_winner(tmp_path, monkeypatch):
 
 
 def test_the_command_of_the_winner_reads_back_as_it_was(tmp_path):
-    from hpp_framework.settings import parse_settings
+    from hpp_framework.config.settings import parse_settings
 
     settings = {"toy.rate": 1e-05, "toy.size": 12, "toy.kind": "b", "toy.x": 0.2, "toy.on": True}
     command = train_command(config(tmp_path), settings)

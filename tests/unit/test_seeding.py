@@ -7,7 +7,7 @@ import random
 import numpy as np
 import torch
 
-from hpp_framework.seeding import child_seed, numpy_rng, torch_rng
+from hpp_framework.utils.seeding import child_seed, numpy_rng, torch_rng
 
 
 def test_equal_paths_give_equal_seeds_everywhere():

@@ -8,9 +8,10 @@ import math
 import pytest
 import torch
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.sensing import HISTORY, MOVED_ON, NoiseModel, Sensing
-from hpp_framework.types import State
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.types import State
+from hpp_framework.perception.sensing import HISTORY, MOVED_ON, Sensing
+from hpp_framework.utils.errors import ConfigError
 
 BATCH, BEAMS = 400, 222
 

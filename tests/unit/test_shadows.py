@@ -7,8 +7,8 @@ import math
 import pytest
 import torch
 
-from hpp_framework.planning.shadows import in_shadow
-from hpp_framework.types import Keyframes, Observation
+from hpp_framework.core.types import Keyframes, Observation
+from hpp_framework.perception.occlusion import in_shadow
 
 GOALS = torch.tensor([[[1.0, 0.0], [3.0, 0.0], [6.0, 0.0], [-3.0, 0.0], [0.0, 3.0]]])
 """Before the surface, behind it, far behind it, out of view, and beside it."""

@@ -7,16 +7,17 @@ import math
 import pytest
 import torch
 
-from hpp_framework.agent import make_agent
-from hpp_framework.docking import STRAIGHT, STRAIGHT_OF_TWO, Docking
+from hpp_framework.agents.hierarchical import make_agent
+from hpp_framework.control.safety_filter import Guard
+from hpp_framework.control.terminal_approach import STRAIGHT, STRAIGHT_OF_TWO, Docking
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.world import Box, World
 from hpp_framework.evaluation.rollout import build_agents
-from hpp_framework.guard import Guard
-from hpp_framework.registry import hub
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.sight import GAP, in_the_way, see_each_other
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.team import parse_team
-from hpp_framework.worlds.world import Box, World
+from hpp_framework.perception.sensing import Sensing
+from hpp_framework.perception.visibility import GAP, in_the_way, see_each_other
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 EMPTY = World(name="room")
 WALL = World(name="wall", boxes=(Box(center=(0.0, 0.0), size=(0.2, 3.0)),))

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework import geometry
 from hpp_framework.cli.evaluate import Evaluate
 from hpp_framework.cli.main import main
-from hpp_framework.errors import ConfigError
+from hpp_framework.core import geometry
+from hpp_framework.core.robot import DriveLimits
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.world import Box, Cylinder, World
 from hpp_framework.evaluation import skill_study
 from hpp_framework.evaluation.competence import competence_card, competence_map
 from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES, Journeys, clearances, draw_journeys
@@ -25,11 +27,9 @@ from hpp_framework.evaluation.skill_study import SkillStudy, run_study
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
 from hpp_framework.evaluation.ways import journey_ways
-from hpp_framework.robot import DriveLimits
 from hpp_framework.sim import make_simulator
-from hpp_framework.skill import Skill
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.world import Box, Cylinder, World
 
 ROOM = World(name="room", bounds=(-10, -10, 10, 10))
 STUDIO = World(name="studio", bounds=(-4, -4, 4, 4))

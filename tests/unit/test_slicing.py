@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.world import Box, Cylinder, Mesh, World
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.slicing import planar_map, solid_outlines
-from hpp_framework.worlds.world import Box, Cylinder, Mesh, World
 
 
 def total_length(segments):

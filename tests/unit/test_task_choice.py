@@ -8,13 +8,13 @@ import pytest
 import torch
 from hpp_tasks.formation import eq1_weight
 
-from hpp_framework.composition import ComposedTask
-from hpp_framework.errors import ConfigError, HppError
+from hpp_framework.config.task_file import make_task, task_name
+from hpp_framework.core.composition import ComposedTask
+from hpp_framework.core.term import Term
 from hpp_framework.evaluation import folder
-from hpp_framework.registry import hub
-from hpp_framework.task_choice import make_task, task_name
-from hpp_framework.team import parse_team
-from hpp_framework.term import Term
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError, HppError
 
 MEET_AT_DOOR = """
 reward:

@@ -7,18 +7,18 @@ import math
 import pytest
 import torch
 
+from hpp_framework.config.task_file import make_task
+from hpp_framework.core.planner import PlannerContext
+from hpp_framework.core.predictor import Predictor
+from hpp_framework.core.types import Observation, Trajectories
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.planner import PlannerContext
-from hpp_framework.planning.heuristics import midpoint
-from hpp_framework.planning.hpp import HppConfig, HppPlanner
-from hpp_framework.planning.lattice import LatticeConfig, LatticePlanner
-from hpp_framework.planning.places import own_place
-from hpp_framework.predictor import Predictor
-from hpp_framework.seeding import torch_rng
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.task_choice import make_task
-from hpp_framework.team import parse_team
-from hpp_framework.types import Observation, Trajectories
+from hpp_framework.planning.baselines.centralized import midpoint
+from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner
+from hpp_framework.planning.hpp.planner import HppConfig, HppPlanner
+from hpp_framework.planning.targets import own_place
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.seeding import torch_rng
 
 LEFT, RIGHT = 0.0, math.pi
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from hpp_framework.errors import ConfigError, UnknownNameError
-from hpp_framework.team import Member, Team, parse_team
+from hpp_framework.core.team import Member, Team
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.utils.errors import ConfigError, UnknownNameError
 
 
 @pytest.mark.parametrize(

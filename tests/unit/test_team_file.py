@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hpp_framework.errors import CheckpointError, ConfigError
+from hpp_framework.config.team_file import read_team_file, resolve_team
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.experiment import (
     Experiment,
@@ -17,9 +17,9 @@ from hpp_framework.evaluation.experiment import (
     read_experiment,
     run_experiment,
 )
-from hpp_framework.planning.heuristics import CentralizedMidpoint, CentralizedOther
+from hpp_framework.planning.baselines.centralized import CentralizedMidpoint, CentralizedOther
 from hpp_framework.prediction.library import model_pairs
-from hpp_framework.team_file import read_team_file, resolve_team
+from hpp_framework.utils.errors import CheckpointError, ConfigError
 from hpp_framework.worlds.loader import resolve_world
 
 ALICE = {"id": "alice", "robot": "fetch"}

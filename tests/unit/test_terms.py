@@ -16,9 +16,9 @@ from hpp_tasks.terms.shapes import line, ring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpp_framework.composition import ComposedTask, Limit, Rules, Weighed
-from hpp_framework.errors import ConfigError
-from hpp_framework.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Visit
+from hpp_framework.core.composition import ComposedTask, Limit, Rules, Weighed
+from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Visit
+from hpp_framework.utils.errors import ConfigError
 
 NUMBERS = st.floats(-5, 5, width=32)
 TEAMS = st.integers(2, 4).flatmap(

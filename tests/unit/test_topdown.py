@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from hpp_framework.errors import ConfigError, HppError
+from hpp_framework.core.world import Box, Mesh, World
 from hpp_framework.evaluation.figures import plot_distance
-from hpp_framework.evaluation.marks import robot_colors
-from hpp_framework.evaluation.topdown import TopDown, close_view
-from hpp_framework.registry import hub
-from hpp_framework.worlds.world import Box, Mesh, World
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.viz.marks import robot_colors
+from hpp_framework.viz.topdown import TopDown, close_view
 
 POSES = np.array([[-2.0, 1.0, 0.0], [2.0, 1.0, 3.0]])
 

@@ -10,12 +10,12 @@ import pytest
 import torch
 from hpp_skills.p2p import train as p2p
 
-from hpp_framework.checkpoints import load_checkpoint, save_checkpoint
 from hpp_framework.cli.main import main
-from hpp_framework.errors import CheckpointError, ConfigError
-from hpp_framework.files import read_json
-from hpp_framework.skill import SkillTraining
+from hpp_framework.core.skill import SkillTraining
+from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
 from hpp_framework.training import ppo
+from hpp_framework.utils.errors import CheckpointError, ConfigError
+from hpp_framework.utils.files import read_json
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:You have specified a mini-batch size"),

@@ -9,8 +9,9 @@ import pytest
 import torch
 from hpp_tasks.rendezvous import Rendezvous
 
-from hpp_framework.sensing import NoiseModel, Sensing
-from hpp_framework.types import Observation, State, Trajectories
+from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.types import Observation, State, Trajectories
+from hpp_framework.perception.sensing import Sensing
 
 
 def observation(**changes):

@@ -10,11 +10,11 @@ import pytest
 import trimesh
 
 from hpp_framework.cli.main import main
-from hpp_framework.errors import ConfigError
 from hpp_framework.onboarding.names import Name
 from hpp_framework.onboarding.urdf.module import module_of_urdf
 from hpp_framework.onboarding.urdf.robot import robot_from_urdf
 from hpp_framework.testing import check_robot
+from hpp_framework.utils.errors import ConfigError
 
 # the root lies at the back; the axle is 0.1 m ahead of it and 0.05 m up, the wheels have radius 0.08 m:
 # the floor is 0.03 m below the root

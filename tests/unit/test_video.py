@@ -6,9 +6,9 @@ import av
 import numpy as np
 import pytest
 
-from hpp_framework.errors import ConfigError, HppError
-from hpp_framework.evaluation import video
-from hpp_framework.evaluation.video import side_by_side, write_video
+from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.viz import video
+from hpp_framework.viz.video import side_by_side, write_video
 
 
 def moving_square(count, height=96, width=128):

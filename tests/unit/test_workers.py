@@ -11,8 +11,8 @@ import time
 
 import pytest
 
-from hpp_framework.errors import ConfigError, HppError
-from hpp_framework.workers import available_cores, run_tasks
+from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.utils.executor import available_cores, run_tasks
 
 
 def twice(task, report):

@@ -3,8 +3,8 @@
 import cv2
 import pytest
 
-from hpp_framework.errors import HppError
-from hpp_framework.evaluation.world_pictures import draw_rooms, draw_worlds
+from hpp_framework.utils.errors import HppError
+from hpp_framework.viz.world_pictures import draw_rooms, draw_worlds
 
 
 def test_worlds_are_drawn_in_rows_of_four(tmp_path):
@@ -28,7 +28,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path):
 
 @pytest.mark.sapien
 def test_rooms_are_drawn_in_three_dimensions(tmp_path):
-    camera = pytest.importorskip("hpp_framework.sim.sapien_camera")
+    camera = pytest.importorskip("hpp_framework.sim.sapien.camera")
     if camera.rendering_problem() is not None:
         pytest.skip("SAPIEN cannot draw here")
     rooms = cv2.imread(str(draw_rooms(tmp_path / "rooms.png", ("simple", "real-wall"), size=(96, 64))))

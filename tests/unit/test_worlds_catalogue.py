@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.spawn import spawn_poses

@@ -9,20 +9,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.registry import hub
-from hpp_framework.worlds.barn import FILL_RATIOS, barn, build, crossable, field, level, may_cross
-from hpp_framework.worlds.corridors import corridors
-from hpp_framework.worlds.generators import Furniture, training
-from hpp_framework.worlds.legs import legs
-from hpp_framework.worlds.mixed import SHARES, furnished, mixed
+from hpp_framework.core.world import Box, World, box_corners
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.worlds.generators.barn import FILL_RATIOS, barn, build, crossable, field, level, may_cross
+from hpp_framework.worlds.generators.corridors import corridors
+from hpp_framework.worlds.generators.legs import legs
+from hpp_framework.worlds.generators.mixed import SHARES, furnished, mixed
+from hpp_framework.worlds.generators.passages import passages
+from hpp_framework.worlds.generators.recipe import fill_cells, generate, span
+from hpp_framework.worlds.generators.rooms import rooms
+from hpp_framework.worlds.generators.training import Furniture, training
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.passages import passages
 from hpp_framework.worlds.pool import build_pool
-from hpp_framework.worlds.recipe import fill_cells, generate, span
-from hpp_framework.worlds.rooms import rooms
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.world import Box, World, box_corners
 
 KINDS = {
     "furnished": furnished,

@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.registry import hub
+from hpp_framework.core.world import Box, World
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.worlds.generators.recipe import one_region
+from hpp_framework.worlds.generators.walls import walls
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
-from hpp_framework.worlds.recipe import one_region
 from hpp_framework.worlds.spawn import spawn_poses
-from hpp_framework.worlds.walls import walls
-from hpp_framework.worlds.world import Box, World
 
 HELD_OUT = ("u-trap", "two-doors", "l-room", "maze")
 ALL = (*HELD_OUT, "walls")
@@ -105,6 +105,6 @@ def test_walls_that_leave_no_room_are_refused(monkeypatch):
     with pytest.raises(ConfigError, match="from 0"):
         walls(np.random.default_rng(0), difficulty=2.0)
     closed = World(name="walls", boxes=(Box(center=(0, 0), size=(1, 25)),))
-    monkeypatch.setattr("hpp_framework.worlds.walls._layout", lambda rng, difficulty: closed)
+    monkeypatch.setattr("hpp_framework.worlds.generators.walls._layout", lambda rng, difficulty: closed)
     with pytest.raises(ConfigError, match="hung together"):
         walls(np.random.default_rng(0))

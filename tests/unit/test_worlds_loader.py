@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from hpp_framework.errors import ConfigError, UnknownNameError
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError, UnknownNameError
 from hpp_framework.worlds.loader import load_world, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 

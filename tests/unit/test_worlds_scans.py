@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from hpp_framework.seeding import numpy_rng
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.scans.real_room import FOLDER, LAYOUTS, SIZE, scan, write

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import trimesh
 from trimesh.transformations import euler_matrix
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.utils.errors import ConfigError
 
 Matrix = npt.NDArray[np.float64]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.core.robot import Part, RobotSpec
 from hpp_framework.onboarding.names import Name
 from hpp_framework.onboarding.urdf.reading import Reading
 from hpp_framework.onboarding.urdf.robot import read_answers, read_robot
-from hpp_framework.robot import Part, RobotSpec
 from hpp_framework.testing.report import CheckError
 from hpp_framework.testing.robot import check_robot
+from hpp_framework.utils.errors import ConfigError
 
 HEAD = '''"""A robot whose numbers were read off {file}; where each came from stands beside it."""
 

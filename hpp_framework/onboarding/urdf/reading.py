@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hpp_framework.errors import ConfigError
 from hpp_framework.onboarding.urdf.model import Joint, Matrix, Model, Shape
+from hpp_framework.utils.errors import ConfigError
 
 LIDAR_NAMES = re.compile(r"lidar|laser|scan|hokuyo|sick|rplidar|ydlidar|urg|tim5|tim7")
 LEVEL = 0.02

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import yaml
 from trimesh.transformations import euler_from_matrix
 
-from hpp_framework.errors import ConfigError, suggest
+from hpp_framework.core.robot import DriveLimits, Lidar, Part, RobotSpec
 from hpp_framework.onboarding.urdf.model import Model, Shape, read_urdf
 from hpp_framework.onboarding.urdf.reading import (
     Reading,
@@ -24,7 +24,7 @@ from hpp_framework.onboarding.urdf.reading import (
     read_lidar,
     read_profile,
 )
-from hpp_framework.robot import DriveLimits, Lidar, Part, RobotSpec
+from hpp_framework.utils.errors import ConfigError, suggest
 
 WHEELS, LIDAR_LINK = "wheels", "lidar_link"
 ANSWERS = (

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from hpp_framework.seeding import numpy_rng
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.scans.shapes import LEG, box, leg_centers, panel, prism, table
 from hpp_framework.worlds.scans.wear import wear
 

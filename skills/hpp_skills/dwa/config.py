@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
-from hpp_framework.errors import ConfigError
+from hpp_framework.utils.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)

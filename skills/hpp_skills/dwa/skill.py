@@ -10,13 +10,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework import geometry
-from hpp_framework.crew import Crew, Job
-from hpp_framework.kernels import vectors, wp
-from hpp_framework.robot import RobotSpec
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.skill import Skill
-from hpp_framework.types import Observation
+from hpp_framework.core import geometry
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation
+from hpp_framework.utils.kernels import vectors, wp
+from hpp_framework.utils.thread_pool import Crew, Job
 from hpp_skills.dwa import window_kernels
 from hpp_skills.dwa.config import DwaConfig
 

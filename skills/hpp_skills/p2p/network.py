@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.robot import DriveLimits, RobotSpec
+from hpp_framework.core.robot import DriveLimits, RobotSpec
+from hpp_framework.utils.errors import ConfigError
 
 _FAR = 10.0
 

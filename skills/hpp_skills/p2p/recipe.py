@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from hpp_framework.config.settings import altered
 from hpp_framework.envs.problem import PointToPoint, Practice
-from hpp_framework.settings import altered
 from hpp_framework.training.ppo import PpoConfig
 from hpp_skills.p2p.network import NetworkShape
 

@@ -7,12 +7,12 @@ from contextlib import suppress
 from functools import reduce
 from pathlib import Path
 
+from hpp_framework.core.robot import RobotSpec
 from hpp_framework.evaluation.skill import evaluate_skill
 from hpp_framework.evaluation.statistics import wilson_interval
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import child_seed
 from hpp_framework.training.ppo import CURVE
-from hpp_framework.training.search_space import Choice, Phase, Range, SkillSearch
+from hpp_framework.training.search.space import Choice, Phase, Range, SkillSearch
+from hpp_framework.utils.seeding import child_seed
 from hpp_skills.p2p.recipe import Recipe
 from hpp_skills.p2p.skill import load
 

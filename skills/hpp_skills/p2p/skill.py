@@ -8,11 +8,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework import geometry
-from hpp_framework.checkpoints import find_weights, load_checkpoint, load_into, weight_folders
-from hpp_framework.robot import RobotSpec
-from hpp_framework.skill import Skill
-from hpp_framework.types import Observation
+from hpp_framework.core import geometry
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.types import Observation
+from hpp_framework.plugins.weights import find_weights, load_checkpoint, load_into, weight_folders
 from hpp_skills.p2p.network import NetworkShape, PolicyNetwork
 
 WEIGHTS = Path(__file__).parent / "weights"

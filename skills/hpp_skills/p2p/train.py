@@ -12,20 +12,20 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 
-from hpp_framework.checkpoints import file_digest, load_checkpoint, load_into, portable, save_checkpoint
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import SkillTraining, as_pairs
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
-from hpp_framework.errors import unknown_name
 from hpp_framework.evaluation.competence import competence_card
 from hpp_framework.evaluation.skill import evaluate_skill, skill_episodes
 from hpp_framework.evaluation.skill_score import SkillRow
 from hpp_framework.evaluation.trial import Trial
-from hpp_framework.registry import hub
-from hpp_framework.robot import RobotSpec
-from hpp_framework.seeding import child_seed
-from hpp_framework.skill import SkillTraining, as_pairs
+from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.weights import file_digest, load_checkpoint, load_into, portable, save_checkpoint
 from hpp_framework.training.curve import draw_learning_curve
 from hpp_framework.training.ppo import actor_modules, train_ppo
 from hpp_framework.training.snapshots import remove_snapshot
+from hpp_framework.utils.errors import unknown_name
+from hpp_framework.utils.seeding import child_seed
 from hpp_framework.worlds.pool import build_practice_pool
 from hpp_skills.p2p.network import Encoder, NetworkShape, PolicyNetwork
 from hpp_skills.p2p.recipe import GOING_ON, Recipe, Rooms

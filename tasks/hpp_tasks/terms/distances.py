@@ -9,11 +9,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.requirement import AllOf, Apart, Gathering, Requirement
-from hpp_framework.robot import RobotSpec
-from hpp_framework.task_choice import robot_index
-from hpp_framework.term import Term
+from hpp_framework.core.requirement import AllOf, Apart, Gathering, Requirement
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import robot_index
+from hpp_framework.core.term import Term
+from hpp_framework.utils.errors import ConfigError
 from hpp_tasks.terms.shapes import in_order, ring
 
 ROOM = 0.5

@@ -12,10 +12,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError, unknown_name
-from hpp_framework.requirement import AllOf, AnyOf, Apart, Displaced, Requirement
-from hpp_framework.robot import RobotSpec
-from hpp_framework.term import Term
+from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Requirement
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.term import Term
+from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_tasks.terms.assignment import MOST_TURNED, nearest_roles, turned_roles
 from hpp_tasks.terms.distances import pairs
 from hpp_tasks.terms.shapes import Offsets, line, ring, turned

@@ -8,12 +8,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.errors import ConfigError
-from hpp_framework.geometry import wrap_angle
-from hpp_framework.robot import RobotSpec
-from hpp_framework.task import Settling
-from hpp_framework.task_choice import robot_index
-from hpp_framework.term import Term
+from hpp_framework.core.geometry import wrap_angle
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import Settling
+from hpp_framework.core.team import robot_index
+from hpp_framework.core.term import Term
+from hpp_framework.utils.errors import ConfigError
 
 ROOM = 1.6
 """Metres beyond the distance of two robots that face each other at which they are sent to meet, and from

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.requirement import AnyOf, Requirement
-from hpp_framework.robot import RobotSpec
-from hpp_framework.task_choice import robot_index
-from hpp_framework.term import Term
+from hpp_framework.core.requirement import AnyOf, Requirement
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.team import robot_index
+from hpp_framework.core.term import Term
 from hpp_tasks.terms.distances import Between
 from hpp_tasks.terms.shapes import circle, in_order
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hpp_framework.registry import Hub
+from hpp_framework.plugins.registry import Hub
 
 
 def register(hub: Hub) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from hpp_framework.robot import DriveLimits, Lidar, Part, RobotSpec
+from hpp_framework.core.robot import DriveLimits, Lidar, Part, RobotSpec
 
 WHEEL_RADIUS = 0.08  # example; yours: the data sheet of the wheels, or the URDF
 BASE_RADIUS = (

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hpp_framework.sim.batch import BatchSimulator
-from hpp_framework.sim.simulator import CONTROL_PERIOD
-from hpp_framework.team import parse_team
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.world import World
+from hpp_framework.plugins.build import parse_team
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.testing import check_robot
-from hpp_framework.worlds.world import World
 
 
 def test_it_drives_as_fast_as_its_limits_allow():

@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework import geometry
-from hpp_framework.robot import RobotSpec
-from hpp_framework.skill import Skill
-from hpp_framework.types import Observation
+from hpp_framework.core import geometry
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.skill import Skill
+from hpp_framework.core.types import Observation
 
 SIGHT = 1.5
 """How far a direction must be free, in metres."""

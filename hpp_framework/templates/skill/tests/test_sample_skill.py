@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hpp_framework.evaluation.skill import evaluate_skill
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
 from hpp_framework.testing import check_skill
 
 

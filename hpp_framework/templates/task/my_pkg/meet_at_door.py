@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.robot import RobotSpec
-from hpp_framework.task import Task
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import Task
 
 DOOR = (0.0, 5.0)
 """Where the door is, world coordinates in metres."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hpp_framework.registry import Hub
+from hpp_framework.plugins.registry import Hub
 
 
 def register(hub: Hub) -> None:

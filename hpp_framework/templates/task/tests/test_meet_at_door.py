@@ -6,7 +6,7 @@ import pytest
 import torch
 from my_pkg.meet_at_door import DOOR
 
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
 from hpp_framework.testing import check_task
 
 

@@ -1,0 +1,1 @@
+"""What drives one robot from its own observations."""

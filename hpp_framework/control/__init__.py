@@ -1,0 +1,1 @@
+"""What stands between a skill and the wheels."""

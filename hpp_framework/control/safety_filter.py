@@ -1,0 +1,115 @@
+"""The guard: keeps a robot off what it sees and what it saw a moment ago, whatever its skill wants.
+
+A lidar at the front sees nothing at the robot's sides, where it brushes what it passes closely while turning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.control import safety_kernels as guard_kernels
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation
+from hpp_framework.perception.sensing import BODY, KEYFRAMES
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.kernels import vectors, wp
+
+POINTS = 512
+"""Points that are heeded, at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardConfig:
+    """How careful a guard is.
+
+    Attributes:
+        margin: metres to keep from what is seen; what is hidden behind a thin leg's near side is as near.
+        memory: keyframes heeded beside the history, one a second.
+        way_out: metres that must be free before a robot that stands before something drives off.
+    """
+
+    margin: float = 0.025
+    memory: int = 6
+    way_out: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name in ("margin", "way_out"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise ConfigError(f"guard: {name} must be 0 m or more, got {getattr(self, name)}.")
+        if not 0 <= self.memory <= KEYFRAMES:
+            raise ConfigError(f"guard: memory must be 0 to {KEYFRAMES} keyframes, got {self.memory}.")
+
+
+class Guard:
+    """Corrects commands after which a robot could no longer stop before it touches something.
+
+    A command is foreseen for one control period under the drive's limits, then a full stop in one of four
+    ways: turning on, straightening, turning hard to either side. If the footprint keeps off all points in one
+    of them, the command is left as it is. Otherwise the nearest of the reachable commands, no faster than
+    wanted, takes its place. A robot that stands before something and wants to drive turns to the nearest
+    heading in which it can. Points come from the observation alone: the present scan, and what earlier ones
+    saw that is out of view now. Other robots count as free: agents see those by their poses.
+
+    Args:
+        robot: whose drive limits, footprint and lidar count.
+        config: how careful it is.
+    """
+
+    def __init__(self, robot: RobotSpec, config: GuardConfig | None = None) -> None:
+        self.config = config or GuardConfig()
+        self._limits = _limits(robot, self.config)
+        angles = torch.from_numpy(robot.lidar.angles()).float()
+        self._beams = torch.stack([angles.cos(), angles.sin()], -1)
+
+    def __call__(self, observation: Observation, command: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
+        """Return commands [v, omega] that the robot can stop after in time.
+
+        Args:
+            observation: what the agent knows.
+            command: wanted.
+        """
+        poses, scans = observation.poses, observation.scans
+        earlier, memory = observation.keyframes, self.config.memory
+        if earlier is not None and memory:
+            poses = torch.cat([earlier.poses[:, -memory:], poses], 1)
+            scans = torch.cat([earlier.scans[:, -memory:], scans], 1)
+        size, device = len(command), wp.device_from_torch(command.device)
+        velocity = vectors(observation.velocity)
+        points = wp.from_torch(command.new_empty(size, POINTS, 3), dtype=wp.vec3)
+        counts = wp.from_torch(torch.empty(size, dtype=torch.int32, device=command.device))
+        corrected = torch.empty_like(command)
+        wp.launch(
+            guard_kernels.gather,
+            dim=size,
+            inputs=[
+                wp.from_torch(scans.contiguous()), vectors(self._beams.to(scans)), vectors(poses),
+                observation.agent, velocity, self._limits, points, counts,
+            ],
+            device=device,
+        )  # fmt: skip
+        wp.launch(
+            guard_kernels.correct,
+            dim=size,
+            inputs=[vectors(command), velocity, points, counts, self._limits, vectors(corrected)],
+            device=device,
+        )
+        return corrected
+
+
+def _limits(robot: RobotSpec, config: GuardConfig) -> Any:
+    """Return the numbers that the kernels need."""
+    out, drive, lidar = guard_kernels.Limits(), robot.drive, robot.lidar
+    out.speed_min, out.speed_max = drive.speed
+    out.turn_rate = drive.turn_rate
+    out.acceleration, out.turn_acceleration = drive.acceleration, drive.turn_acceleration
+    out.radius, out.mount = robot.footprint_radius, wp.vec3(*lidar.mount)
+    out.half_view, out.max_range = lidar.field_of_view / 2, lidar.max_range
+    out.body, out.period = BODY, CONTROL_PERIOD
+    out.margin, out.way_out = config.margin, config.way_out
+    return out

@@ -1,0 +1,64 @@
+"""Where robots that brake now come to stand: a robot that does 1 m/s needs more than a metre to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.core.geometry import wrap_angle
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation
+
+SPEED_STEPS = 3
+"""Control steps over which observed motion is averaged."""
+
+
+class Halting:
+    """Foresees everybody's halt: at full deceleration, in the direction that the present turn leads to.
+
+    Of its own motion an agent knows what its odometry says, of the others' what their poses tell.
+
+    Args:
+        robots: the team, for its deceleration.
+    """
+
+    def __init__(self, robots: Sequence[RobotSpec]) -> None:
+        self.deceleration = torch.tensor([robot.drive.acceleration for robot in robots])
+        self.turn_deceleration = torch.tensor([robot.drive.turn_acceleration for robot in robots])
+
+    def __call__(self, observation: Observation) -> Float[Tensor, "b n 2"]:
+        """Return where everybody comes to stand, world frame, metres."""
+        speed, turn = motion(observation)
+        distance = speed.square() / (2 * self.deceleration.to(speed))
+        return observation.team_poses[..., :2] + distance[..., None] * self.direction(observation, turn)
+
+    def direction(self, observation: Observation, turn: Float[Tensor, "b n"]) -> Float[Tensor, "b n 2"]:
+        """Return the unit vectors along which everybody halts, world frame.
+
+        Args:
+            observation: what the agent knows.
+            turn: everybody's turn rate, rad/s, which ends at full deceleration.
+        """
+        heading = observation.team_poses[..., 2]
+        heading = heading + turn * turn.abs() / (2 * self.turn_deceleration.to(turn))
+        return torch.stack([heading.cos(), heading.sin()], -1)
+
+
+def motion(observation: Observation) -> tuple[Float[Tensor, "b n"], Float[Tensor, "b n"]]:
+    """Return everybody's speed (m/s) and turn rate (rad/s)."""
+    poses = observation.team_poses
+    steps = min(SPEED_STEPS, observation.poses.shape[1] - 1)
+    if steps == 0:
+        speed, turn = torch.zeros_like(poses[..., 0]), torch.zeros_like(poses[..., 0])
+    else:
+        before = observation.poses[:, -1 - steps]
+        elapsed = steps * CONTROL_PERIOD
+        speed = (poses - before)[..., :2].norm(dim=-1) / elapsed
+        turn = wrap_angle(poses[..., 2] - before[..., 2]) / elapsed
+    own = torch.arange(poses.shape[1]) == observation.agent
+    velocity = observation.velocity[:, None]
+    return torch.where(own, velocity[..., 0], speed), torch.where(own, velocity[..., 1], turn)

@@ -1,0 +1,90 @@
+"""Braking together: two robots that meet come to stand where that just fulfils the task.
+
+Agents rest as soon as braking fulfils it (:class:`~hpp_framework.control.stop_on_success.Rest`), and drive
+on as before until then. They decide once a control step, so two that drive at each other at 1 m/s may drive
+0.4 m farther than they need, and take two steps more to stand. Here each drives on, for one step, at the
+least speed that does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.control.stopping import Halting, motion
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import Task
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import Observation
+
+CHOICES = 17
+"""Changes of speed that are weighed, from full deceleration to full acceleration."""
+SHORT = 0.02
+"""Metres by which a robot may drive less far than foreseen, so that it need not drive on once it stands."""
+
+
+class Braking:
+    """Limits a robot's speed to what the task still asks for, counting on everybody else to do the same.
+
+    All are taken to change their speeds in one proportion of what they can, the least after which braking
+    fulfils the task. So nobody needs to be told who gives in; what one misjudges is seen a step later.
+
+    Args:
+        robots: the team.
+        agent: index of the robot.
+        task: says what is fulfilled.
+    """
+
+    def __init__(self, robots: Sequence[RobotSpec], agent: int, task: Task) -> None:
+        self.task = task
+        self.agent = agent
+        self.halting = Halting(robots)
+        self.top = torch.tensor([robot.drive.speed[1] for robot in robots])
+        self.share = torch.linspace(-1, 1, CHOICES)[:, None]
+
+    def __call__(self, observation: Observation) -> Float[Tensor, "b"]:
+        """Return the speed in m/s that is enough; infinite where none within one step's reach is."""
+        poses = observation.team_poses
+        mean, turn = motion(observation)
+        deceleration = self.halting.deceleration.to(poses)
+        speed = speeds_now(observation, mean, deceleration)[:, None]
+        changed = (speed + self.share.to(poses) * deceleration * CONTROL_PERIOD).clamp(min=0)
+        changed = changed.minimum(self.top.to(poses))
+        while_changing = torch.where(
+            changed > 0, (speed + changed) / 2 * CONTROL_PERIOD, speed.square() / (2 * deceleration)
+        )
+        way = while_changing + changed.square() / (2 * deceleration) - SHORT
+        halts = poses[:, None, :, :2] + way[..., None] * self.halting.direction(observation, turn)[:, None]
+        met = self.task.met(torch.cat([halts, poses[:, None, :, 2:].expand_as(halts[..., :1])], -1))
+        least = met.to(torch.uint8).argmax(1)  # the first of those that are enough
+        enough = changed[torch.arange(len(poses)), least, self.agent]
+        return torch.where(met.any(1), enough, torch.inf)
+
+
+def speeds_now(
+    observation: Observation, mean: Float[Tensor, "b n"], acceleration: Float[Tensor, "n"]
+) -> Float[Tensor, "b n"]:
+    """Return everybody's present speed, m/s: one's own by odometry, the others' as their history goes on.
+
+    A mean over the last poses lags behind who speeds up. The change of two means tells by how much; as poses
+    are noisy, it counts up to what a robot can do.
+
+    Args:
+        observation: what the agent knows.
+        mean: what :func:`~hpp_framework.control.stopping.motion` says of speeds, m/s.
+        acceleration: of each robot, m/s^2.
+    """
+    places = observation.poses[..., :2]
+    half = (places.shape[1] - 1) // 2
+    if half == 0:
+        return mean
+    elapsed = half * CONTROL_PERIOD
+    late = (places[:, -1] - places[:, -1 - half]).norm(dim=-1) / elapsed
+    early = (places[:, -1 - half] - places[:, -1 - 2 * half]).norm(dim=-1) / elapsed
+    most = acceleration.to(places) * elapsed / 2
+    carried_on = (late + ((late - early) / 2).maximum(-most).minimum(most)).clamp(min=0)
+    mine = torch.arange(places.shape[2], device=places.device) == observation.agent
+    return torch.where(mine, mean, carried_on)

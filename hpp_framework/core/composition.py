@@ -1,0 +1,148 @@
+"""Tasks made of terms: a weighed sum of errors for the reward, limits on errors for success."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from hpp_framework.core.requirement import AllOf, Requirement
+from hpp_framework.core.task import Settling, Task, relative_speed
+from hpp_framework.core.term import Term
+from hpp_framework.utils.errors import ConfigError
+
+REST_SPEED = 0.1
+"""Largest relative speed at success, m/s, unless a task says otherwise; that of a rendezvous."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A term of the reward.
+
+    Attributes:
+        term: what is judged.
+        weight: what an error of 1 costs. Planners weigh rewards as they are; Eq. 1 costs 2 a metre and pair.
+    """
+
+    term: Term
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A condition of success.
+
+    Attributes:
+        term: what is judged.
+        at_most: largest error that fulfils it.
+    """
+
+    term: Term
+    at_most: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rules:
+    """When a composed task is fulfilled, motion included.
+
+    Attributes:
+        sustain_steps: consecutive control steps that success must hold.
+        rest_speed: relative speed of two robots at success, at most, m/s; None where motion does not matter.
+        halts: whether agents stop where the task is met.
+    """
+
+    sustain_steps: int = 5
+    rest_speed: float | None = REST_SPEED
+    halts: bool = True
+
+    def __post_init__(self) -> None:
+        if self.sustain_steps < 1:
+            raise ConfigError(f"sustain_steps must be at least 1, got {self.sustain_steps}.")
+        if self.rest_speed is not None and not self.rest_speed > 0:
+            raise ConfigError(f"rest_speed must be positive, or null for any, got {self.rest_speed}.")
+
+
+class ComposedTask(Task):
+    """A task made of terms.
+
+    The reward is minus the sum of all errors by weight, and 0 where the task is met, as in Eq. 1.
+
+    Args:
+        rewards: what is paid for.
+        success: what must hold; all of it.
+        rules: when it counts.
+
+    Raises:
+        ConfigError: if nothing is paid for or nothing must hold.
+    """
+
+    def __init__(
+        self, rewards: Sequence[Weighed], success: Sequence[Limit], rules: Rules | None = None
+    ) -> None:
+        if not rewards or not success:
+            raise ConfigError("a task needs at least one term of reward and one of success.")
+        self.rewards = tuple(rewards)
+        self.success = tuple(success)
+        self.rules = rules or Rules()
+        self.sustain_steps = self.rules.sustain_steps
+        self.halts = self.rules.halts
+
+    def unit(self, robots: int) -> float:
+        """Return what errors of a metre cost together, against those of a formation of two; at least 1."""
+        nowhere = torch.zeros(robots, 3)
+        costs = (each.weight * each.term.errors(nowhere).shape[-1] for each in self.rewards)
+        return max(sum(costs) / 4, 1.0)
+
+    def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
+        """Return minus the weighed sum of the errors, 0 where the task is met."""
+        # a term is often paid for and asked for
+        errors = {each.term: each.term.errors(poses) for each in (*self.rewards, *self.success)}
+        paid = [errors[each.term].sum(-1).mul_(-each.weight) for each in self.rewards]
+        return torch.stack(paid).sum(0).masked_fill_(self._kept(errors), 0.0)
+
+    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
+        """Return whether no error exceeds its limit."""
+        return self._kept({each.term: each.term.errors(poses) for each in self.success})
+
+    def _kept(self, errors: Mapping[Term, Float[Tensor, "*b _"]]) -> Bool[Tensor, "*b"]:
+        return torch.stack([(errors[each.term] <= each.at_most).all(-1) for each in self.success]).all(0)
+
+    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
+        """Return whether the task is met and no two robots move against each other too fast."""
+        met = self.met(poses)
+        if self.rules.rest_speed is None:
+            return met
+        return met & (relative_speed(poses, velocities) < self.rules.rest_speed)
+
+    def places(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return the places that the first term with places gives."""
+        for each in (*self.rewards, *self.success):
+            places = each.term.places(goals, poses)
+            if places is not None:
+                return places
+        return None
+
+    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
+        """Return what the first term that settles says."""
+        term = self._settles(poses)
+        return None if term is None else term.settling(poses)
+
+    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
+        """Return what the first term that settles says."""
+        term = self._settles(poses)
+        return super().stances(middle, poses) if term is None else term.stances(middle, poses)
+
+    def _settles(self, poses: Float[Tensor, "b n 3"]) -> Term | None:
+        terms = (each.term for each in (*self.rewards, *self.success))
+        return next((term for term in terms if term.settling(poses) is not None), None)
+
+    def requirement(self) -> Requirement | None:
+        """Return what all conditions require."""
+        found = [each.term.requirement(each.at_most) for each in self.success]
+        parts = tuple(each for each in found if each is not None)
+        return AllOf(parts) if parts else None

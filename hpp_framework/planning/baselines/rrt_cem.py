@@ -1,0 +1,134 @@
+"""RRT+CEM (section 5 of the paper): the paper's search over goals, with RRT paths as its motion model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from hpp_framework.core.planner import PlannerContext
+from hpp_framework.core.task import Task
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.planning.baselines.rrt import TreeConfig
+from hpp_framework.planning.baselines.rrt_planner import PLAIN, RrtConfig, RrtPlanner, configured, follower
+from hpp_framework.planning.baselines.rrt_predictor import MotionConfig, RrtPredictor
+from hpp_framework.planning.hpp.cem import CemConfig
+from hpp_framework.planning.hpp.planner import HppConfig, HppPlanner
+from hpp_framework.utils.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class RrtCemConfig:
+    """Parameters of RRT+CEM: those of :class:`RrtConfig`, of imagined motion and of the search over goals.
+
+    Attributes:
+        plan_every: control steps between plans.
+        known_map: whether the true map is known, instead of what the robot's lidar saw.
+        margin: gap between footprint and obstacles that paths keep, metres.
+        snap: whether a goal that cannot be reached moves to the nearest place that can.
+        look_ahead: distance along the path at which the skill's goal lies ahead of the robot, metres.
+        tree: how trees grow.
+        motion: how everybody is imagined to move.
+        horizon: prediction steps.
+        terminal: share of the score that is the reward at the horizon; the rest is its mean over time.
+        least_std: smallest standard deviation of the first Gaussian over goals along an axis, metres.
+        cem: the search.
+    """
+
+    plan_every: int = 10
+    known_map: bool = False
+    margin: float = 0.1
+    snap: bool = True
+    look_ahead: float = 2.0
+    tree: TreeConfig = TreeConfig()
+    motion: MotionConfig = MotionConfig()
+    horizon: int = 12
+    terminal: float = 0.4
+    least_std: float = 2.5
+    cem: CemConfig = CemConfig()
+
+    def __post_init__(self) -> None:
+        self.following()
+        self.search()
+        if not 0 <= self.terminal <= 1 or not self.least_std > 0:
+            raise ConfigError(f"RRT+CEM needs terminal between 0 and 1 and least_std > 0, got {self}.")
+
+    def following(self) -> RrtConfig:
+        """Return how paths are found and followed."""
+        return RrtConfig(**{each.name: getattr(self, each.name) for each in fields(RrtConfig)})
+
+    def search(self) -> HppConfig:
+        """Return how goals are searched for: by the paper's planner."""
+        return HppConfig(horizon=self.horizon, plan_every=self.plan_every, cem=self.cem)
+
+
+PRESETS = {
+    "paper": RrtCemConfig(
+        plan_every=40,
+        least_std=0.25,
+        snap=False,
+        tree=PLAIN,
+        motion=MotionConfig(period=CONTROL_PERIOD),
+        horizon=5,
+        terminal=1.0,
+    ),
+    "best": RrtCemConfig(),
+}
+
+
+def cem(context: PlannerContext) -> RrtPlanner:
+    """Build RRT+CEM under the context's preset and settings.
+
+    Raises:
+        ConfigError: if OMPL is not installed.
+    """
+    config = configured("rrt-cem", PRESETS, context)
+    predictor = RrtPredictor(context.team.as_believed_by(context.agent).robots, config.margin, config.motion)
+    task = OverTime(context.task, config.terminal)
+    search = HppPlanner(predictor, task, config.search(), config.least_std)
+    planner = follower(search, context, config.following(), predictor)
+    planner.config = config
+    return planner
+
+
+class OverTime(Task):
+    """A task that scores an imagined trajectory by all of it, not by its end alone.
+
+    Args:
+        task: rewards poses, and says when it is done.
+        terminal: share of the score that is the reward at the end; the rest is its mean over time.
+    """
+
+    def __init__(self, task: Task, terminal: float) -> None:
+        self.task = task
+        self.terminal = terminal
+
+    def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
+        """Return the reward of team poses."""
+        return self.task.reward(poses)
+
+    def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
+        """Return the reward at the end and on the way, weighed."""
+        reward = self.reward(poses)
+        return self.terminal * reward[..., -1] + (1 - self.terminal) * reward.mean(-1)
+
+    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
+        """Return whether the poses alone fulfil the objective."""
+        return self.task.met(poses)
+
+    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
+        """Return whether the objective is fulfilled now."""
+        return self.task.done(poses, velocities)
+
+    def places(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return each robot's place."""
+        return self.task.places(goals, poses)
+
+    def parking(
+        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
+    ) -> Float[Tensor, "*c n 2"] | None:
+        """Return where each robot finds room."""
+        return self.task.parking(goals, poses)

@@ -1,0 +1,1 @@
+"""Hierarchical predictive planning, the paper's and a better one."""

@@ -1,0 +1,78 @@
+"""The cross-entropy method (de Boer et al. 2005), batched; a pure optimiser that knows nothing of robots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.utils.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class CemConfig:
+    """Parameters of the search; defaults are the paper's (appendix C.1).
+
+    Attributes:
+        iterations: at most this many.
+        samples: drawn an iteration (N).
+        elites: of them kept for the update (M).
+        epsilon: a row stops once its largest standard deviation is no more than this.
+    """
+
+    iterations: int = 15
+    samples: int = 15
+    elites: int = 5
+    epsilon: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if self.iterations < 1 or not 1 <= self.elites <= self.samples or self.epsilon < 0:
+            raise ConfigError(
+                f"CEM needs iterations >= 1, 1 <= elites <= samples and epsilon >= 0, got {self}."
+            )
+
+
+@dataclass(frozen=True)
+class CemResult:
+    """Outcome of a search; ``samples`` and ``scores`` are those of the last iteration."""
+
+    mean: Float[Tensor, "b d"]
+    std: Float[Tensor, "b d"]
+    samples: Float[Tensor, "b g d"]
+    scores: Float[Tensor, "b g"]
+
+
+def cross_entropy(
+    objective: Callable[[Float[Tensor, "b g d"]], Float[Tensor, "b g"]],
+    mean: Float[Tensor, "b d"],
+    std: Float[Tensor, "b d"],
+    rng: torch.Generator,
+    config: CemConfig,
+) -> CemResult:
+    """Maximise an objective, each row of the batch by its own Gaussian.
+
+    Args:
+        objective: scores of candidates; higher is better. Called once an iteration for all rows.
+        mean: of the first Gaussian.
+        std: of the first Gaussian, an axis each.
+        rng: source of the samples, all drawn at once: a row's result does not depend on when others converge.
+        config: parameters.
+    """
+    samples = mean[:, None]
+    scores = mean.new_zeros(len(mean), 1)
+    shape = (config.iterations, len(mean), config.samples, mean.shape[1])
+    for noise in torch.randn(shape, generator=rng).to(mean):
+        active = std.amax(1, keepdim=True) > config.epsilon
+        if not bool(active.any()):
+            break
+        samples = torch.addcmul(mean[:, None], noise, std[:, None])
+        scores = objective(samples)
+        best = scores.topk(config.elites, dim=1, sorted=False).indices
+        elites = samples.gather(1, best[..., None].expand(-1, -1, mean.shape[1]))
+        variance, middle = torch.var_mean(elites, 1, correction=0)
+        mean = torch.where(active, middle, mean)
+        std = torch.where(active, variance.sqrt(), std)
+    return CemResult(mean, std, samples, scores)

@@ -1,0 +1,1 @@
+"""Planners that know what no robot can, as upper bounds."""

@@ -1,0 +1,160 @@
+"""Ceilings: planner ``hpp`` with less to suffer from. They are privileged, not decentralised methods.
+
+- ``full-communication``: everybody tells everybody everything. There is one belief and one goal for all, and
+  every robot is predicted by its own model of itself from its own scan. What it reaches beyond ``hpp`` is
+  what silence costs.
+- ``perfect-model``: besides, motion is not predicted but simulated from the true state. What it reaches
+  beyond the former is what the predictor costs; what it misses is up to the skill, the search over goals, or
+  nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from hpp_framework.core.planner import Belief, PlannerContext
+from hpp_framework.core.predictor import ImaginePlaces, Predictor
+from hpp_framework.core.privileged import PrivilegedPlanner, PrivilegedPredictor, Truth
+from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.planning.hpp.planner import hpp, own_predictor
+from hpp_framework.planning.oracles.perfect_model import TruePredictor
+from hpp_framework.planning.targets import own_place
+from hpp_framework.utils.errors import ConfigError
+
+PERFECT_PLAN_EVERY = 10
+"""Control steps between plans by simulation, which are dear; less often than predictions need it, as a
+simulated plan does not turn out wrong."""
+
+
+NOBODY_TO_GUESS: Mapping[str, Mapping[str, Any]] = {
+    "best": {"respond": False, "evidence": 0.0, "shadow": 0.0}
+}
+"""Settings by preset that switch off the guessing of others' goals and surroundings: where all is shared
+there is nothing to guess, and a goal is scored as what it is, a goal of all."""
+
+MakePrivileged = Callable[[str, PlannerContext], PrivilegedPredictor]
+"""Builds what answers in place of the predictor of a registered name."""
+
+
+class OneMind(PrivilegedPlanner):
+    """Planner ``hpp`` for the whole team: whoever asks first has it plan, and all get one goal and belief.
+
+    It plans from the first agent's observed poses.
+
+    Args:
+        name: registered, for messages.
+        context: what a planner is told.
+        make_predictor: builds the predictor that it plans with.
+    """
+
+    centralised = True
+
+    def __init__(self, name: str, context: PlannerContext, make_predictor: MakePrivileged) -> None:
+        self.name = name
+        self.task = context.task
+        self._truth: Truth | None = None
+        self._predictors: list[PrivilegedPredictor] = []
+
+        def make(name: str, context: PlannerContext) -> PrivilegedPredictor:
+            self._predictors.append(make_predictor(name, context))
+            return self._predictors[-1]
+
+        settings = {**NOBODY_TO_GUESS.get(context.preset, {}), **context.settings}
+        self.planner = hpp(replace(context, settings=settings), make)
+        self.plan_every = self.planner.plan_every
+        self.guided = self.planner.guided
+        self.config: Any = getattr(self.planner, "config", None)
+
+    def witness(self, truth: Truth) -> None:
+        """Take note of the truth of this control step."""
+        self._truth = truth
+
+    def plan(
+        self, observation: Observation, belief: Belief | None, rng: torch.Generator
+    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+        """Return the own place of the whole team's goal.
+
+        Raises:
+            ConfigError: if nobody showed the planner the truth.
+        """
+        truth = self._truth
+        if truth is None:
+            raise ConfigError(
+                f"planner '{self.name}' is a ceiling: it needs the true state, which only `hpp evaluate` and "
+                "`hpp run` show it. Use another planner here."
+            )
+
+        def decide() -> Belief:
+            for predictor in self._predictors:
+                predictor.truth = truth
+            return self.planner.plan(truth.observations[0], belief, rng)[1]
+
+        shared = truth.once(self.name, decide)
+        poses = truth.observations[0].team_poses
+        return own_place(self.task, shared.goal, poses, observation.agent), shared
+
+
+class PooledPredictor(PrivilegedPredictor):
+    """Asks every robot's own model of itself, with that robot's own observation.
+
+    Args:
+        predictors: one an agent, in team order.
+    """
+
+    def __init__(self, predictors: list[Predictor]) -> None:
+        self.predictors = predictors
+
+    @torch.no_grad()
+    def rollout(self, observation: Observation, goals: Float[Tensor, "b g 2"], horizon: int) -> Trajectories:
+        """Imagine the motion of the team as each robot imagines its own."""
+        own = [
+            predictor.rollout(seen, goals, horizon)
+            for predictor, seen in zip(self.predictors, self.truth.observations, strict=True)
+        ]
+        return _joined(own)
+
+    @torch.no_grad()
+    def condition_places(self, observation: Observation, horizon: int) -> ImaginePlaces:
+        """Ask every robot's own model for that robot's own places."""
+
+        def imagine(places: Float[Tensor, "b g n 2"]) -> Trajectories:
+            pairs = enumerate(zip(self.predictors, self.truth.observations, strict=True))
+            return _joined(
+                [predictor.rollout(seen, places[:, :, i], horizon) for i, (predictor, seen) in pairs]
+            )
+
+        return imagine
+
+
+def _joined(own: list[Trajectories]) -> Trajectories:
+    """Return the motion of each robot as it imagines it itself."""
+    poses = torch.stack([one.poses[..., i, :] for i, one in enumerate(own)], -2)
+    sure = [one.std for one in own if one.std is not None]
+    std = torch.stack([each[..., i] for i, each in enumerate(sure)], -1) if len(sure) == len(own) else None
+    return Trajectories(poses, own[0].times, std)
+
+
+def full_communication(context: PlannerContext) -> OneMind:
+    """Build the full-communication twin of ``hpp`` under the context's preset and settings."""
+
+    def pooled(name: str, context: PlannerContext) -> PooledPredictor:
+        everybody = range(len(context.team))
+        return PooledPredictor([own_predictor(name, replace(context, agent=i)) for i in everybody])
+
+    return OneMind("full-communication", context, pooled)
+
+
+def perfect_model(context: PlannerContext) -> OneMind:
+    """Build ``hpp`` with the simulator as its predictor; plans every 2 s unless settings say otherwise."""
+
+    def simulated(name: str, context: PlannerContext) -> TruePredictor:
+        return TruePredictor(context.team, context.task, own_predictor(name, context))
+
+    settings = {"plan_every": PERFECT_PLAN_EVERY, **context.settings}
+    return OneMind("perfect-model", replace(context, settings=settings), simulated)

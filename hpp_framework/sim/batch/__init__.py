@@ -1,0 +1,1 @@
+"""Thousands of worlds side by side, in Warp."""

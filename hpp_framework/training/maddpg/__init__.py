@@ -1,0 +1,1 @@
+"""MADDPG, the paper's learned baseline."""

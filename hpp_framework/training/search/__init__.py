@@ -1,0 +1,1 @@
+"""Search for rewards and networks of skills."""
