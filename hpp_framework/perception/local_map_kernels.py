@@ -66,7 +66,7 @@ def mark(
                 column = int(wp.floor((x - origin[0]) / resolution))
                 row = int(wp.floor((y - origin[1]) / resolution))
                 if row >= 0 and row < rows and column >= 0 and column < columns:
-                    fixed = True
+                    fixed = bool(True)
                     for robot in range(poses.shape[2]):
                         if robot != agent:
                             at = poses[episode, glimpse, robot]
@@ -148,7 +148,7 @@ def sweep(
             values[here] = wp.where(away < NEAR, away, FAR)
             costs[here] = slowness(clearance[episode, row, column], radius, comfort, blocked)
     for _round in range(ROUNDS):
-        change = 0.0
+        change = float(0.0)
         for direction in range(4):
             for i in range(rows):
                 row = swept(i, rows, direction, 0)
@@ -254,9 +254,9 @@ def trace(
         points[episode, robot, g, k] = goal
         k -= 1
     before = goal
-    done = 0.0
+    done = float(0.0)
     at = entry
-    arrived = False
+    arrived = bool(False)
     for _step in range(STEPS + 2):
         stride = wp.length(at - before)
         for _noted in range(arcs.shape[0]):
@@ -304,7 +304,7 @@ def look_around(
     for p in range(grid.shape[0]):
         column = int(wp.floor(frame[0] + cos * grid[p][0] - sin * grid[p][1]))
         row = int(wp.floor(frame[1] + sin * grid[p][0] + cos * grid[p][1]))
-        value = 1.0
+        value = float(1.0)
         if row >= 0 and row < clearance.shape[1] and column >= 0 and column < clearance.shape[2]:
             value = wp.min(clearance[episode, row, column] / unit, 1.0)
         around[episode, robot, g, p] = value

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.core import geometry
+from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import Lidar, RobotSpec
 from hpp_framework.core.types import Keyframes, Observation, State
 

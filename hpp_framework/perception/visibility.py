@@ -12,10 +12,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from hpp_framework.core import geometry
 from hpp_framework.core.geometry import polar, to_frame
+from hpp_framework.core.option import Condition
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.types import Observation
-from hpp_framework.perception.sensing import seen_points
+from hpp_framework.perception.sensing import lidar_poses, seen_points
 
 GAP = 0.04
 """Metres that a robot keeps from what it passes."""

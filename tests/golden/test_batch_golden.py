@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hpp_framework.registry import hub
-from hpp_framework.worlds.world import Box, Cylinder, World
 
-from hpp_framework.sim.batch import BatchSimulator
+from hpp_framework.core.world import Box, Cylinder, World
+from hpp_framework.plugins.registry import hub
+from hpp_framework.sim.batch.simulator import BatchSimulator
 
 FILE = Path(__file__).with_name("batch.json")
 STEPS = 60

@@ -16,8 +16,8 @@ ROVER = """
 
     import torch
 
-    from hpp_framework.registry import hub
-    from hpp_framework.skill import Skill
+    from hpp_framework.plugins.registry import hub
+    from hpp_framework.core.skill import Skill
 
 
     def register(hub):
@@ -53,16 +53,16 @@ PROJECT = """
 """
 SHOW = """
     import json
-    from hpp_framework.errors import HppError
-    from hpp_framework.registry import hub
+    from hpp_framework.utils.errors import HppError
+    from hpp_framework.plugins.registry import hub
 
     print(json.dumps({"robots": {entry.name: entry.origin for entry in hub().robots}}))
 """
 
 ASK = """
     import json
-    from hpp_framework.errors import HppError
-    from hpp_framework.registry import hub
+    from hpp_framework.utils.errors import HppError
+    from hpp_framework.plugins.registry import hub
 
     errors = {}
     for name in ("rover", "fetch", "half", "second-fetch/fetch", "hpp-framework/fetch"):
@@ -155,9 +155,9 @@ def test_what_a_plugin_brings_drives_and_is_checked(site):
         import json
         import torch
         from hpp_framework.cli.main import main
-        from hpp_framework.sim.batch import BatchSimulator
-        from hpp_framework.team import parse_team
-        from hpp_framework.worlds.world import World
+        from hpp_framework.sim.batch.simulator import BatchSimulator
+        from hpp_framework.plugins.build import parse_team
+        from hpp_framework.core.world import World
 
         team = parse_team("rover,fetch")
         simulator = BatchSimulator(team.robots)
@@ -186,7 +186,7 @@ def test_what_a_plugin_brings_drives_and_is_checked(site):
 def test_nothing_is_imported_before_the_first_look_up(site):
     code = """
         import json, sys
-        import hpp_framework.registry
+        import hpp_framework.plugins.registry
         late = {"rover_plugin", "hpp_robots", "hpp_skills", "warp", "sapien", "torch"}
         early = sorted(late & set(sys.modules))
         list(hpp_framework.plugins.registry.hub().robots)
@@ -297,8 +297,8 @@ def test_list_and_doctor_show_what_is_broken_and_why(bad):
 def test_an_unknown_name_suggests_a_plugins_name(site):
     code = """
         import json
-        from hpp_framework.errors import UnknownNameError
-        from hpp_framework.registry import hub
+        from hpp_framework.utils.errors import UnknownNameError
+        from hpp_framework.plugins.registry import hub
 
         try:
             hub().robots.create("rovr")

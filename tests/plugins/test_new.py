@@ -21,7 +21,7 @@ SPELLINGS = ("package", "package_module", "thing", "thing_module", "class_name")
 WORDS = {getattr(Name(PACKAGE, thing), spelling) for thing in SAMPLES.values() for spelling in SPELLINGS}
 SHOW = """
 import json
-from hpp_framework.registry import hub
+from hpp_framework.plugins.registry import hub
 found = {kind: {e.name: e.origin for e in hub().registries()[kind]} for kind in ("tasks", "skills", "robots")}
 print(json.dumps(found | {"qualified": "lab-a/by-the-window" in hub().tasks}))
 """

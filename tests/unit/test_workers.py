@@ -70,7 +70,7 @@ def test_leaving_the_iteration_ends_the_workers():
 
 PARENT = """
 import time
-from hpp_framework.workers import run_tasks
+from hpp_framework.utils.executor import run_tasks
 
 def wait(task, report):
     report(task)
