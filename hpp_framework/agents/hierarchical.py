@@ -1,160 +1,105 @@
-"""Agents: one robot's skill and planner. The decentralised unit; it reads its own observation only."""
+"""The agent of the paper: a planner chooses goals, a skill drives to them, layers have the last word."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.control.rotate_to_path import Guide
-from hpp_framework.control.safety_filter import Guard
-from hpp_framework.control.stop_on_success import Rest
-from hpp_framework.control.terminal_approach import Docking, docks
-from hpp_framework.core.planner import Belief, MetaPlanner
-from hpp_framework.core.policy import Policy
-from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.agent import Agent, Memory
+from hpp_framework.core.control import ControlLayer
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner
 from hpp_framework.core.skill import Skill
-from hpp_framework.core.task import Task
 from hpp_framework.core.types import Observation
-from hpp_framework.utils.seeding import torch_rng
+from hpp_framework.utils.seeding import EpisodeRng, child_seed
 
 
-def agent_rng(planner: MetaPlanner, seed: int, index: int) -> torch.Generator:
-    """Return the randomness of one agent: its own, or the team's if its planner is centralised.
-
-    Args:
-        planner: the agent's.
-        seed: of the whole team's randomness.
-        index: of the agent in the team.
-    """
-    return torch_rng(seed, "agents") if planner.centralised else torch_rng(seed, "agent", index)
-
-
-def make_agent(
-    index: int,
-    skill: Skill,
-    planner: MetaPlanner,
-    task: Task,
-    robots: Sequence[RobotSpec],
-    seed: int,
-    *,
-    guard: bool = True,
-    guide: bool | None = None,
-) -> Agent:
-    """Build the agent of one robot of a team.
+class HierarchicalAgent(Agent):
+    """Plans every ``plan_every`` control steps, drives every step.
 
     Args:
-        index: of the robot.
-        skill: the robot's.
-        planner: the robot's.
-        task: the shared objective.
-        robots: the team.
-        seed: of the whole team's randomness.
-        guard: whether it has a guard.
-        guide: whether it has a guide; None leaves it to the planner.
-    """
-    robot = robots[index]
-    own_guard = Guard(robot)
-    guided = planner.guided if guide is None else guide
-    may_dock = _heeds_others(planner) and docks(task, len(robots), guided=guided)
-    return Agent(
-        skill,
-        planner,
-        Rest(task, robots) if task.halts and planner.rests else None,
-        agent_rng(planner, seed, index),
-        own_guard if guard else None,
-        Guide(robot) if guided else None,
-        Docking(robots, index, own_guard, task) if may_dock else None,
-    )
-
-
-def _heeds_others(planner: MetaPlanner) -> bool:
-    """Return whether an agent of a planner leaves its skill's way for the sake of the others."""
-    return planner.rests and not planner.heedless and not isinstance(planner, Policy)
-
-
-class Agent:
-    """Plans every ``plan_every`` steps, drives every step, rests when that fulfils the task.
-
-    Args:
-        skill: drives towards the goal; a planner that is a policy drives itself.
-        planner: chooses the goal.
-        rest: decides when to stop; None never rests.
-        rng: the agent's own randomness.
-        guard: keeps the robot off obstacles; None drives as the skill wants.
-        guide: turns the robot round at a plan where its way leads back, and keeps it from slowing down before
-            a place to meet; None leaves all ways to the skill.
-        docking: takes over from the skill near the robot's spot in a gathering, and drives two that see each
-            other straight together; None leaves it to the skill.
-
-    Attributes:
-        present: whether the robot takes part now.
-        belief: what the planner said last.
-        goal: that it chose last for the team, world coordinates, metres.
-        waypoint: that the skill drives to: the goal, the robot's own place around it, or on the way there.
+        planner: the upper level; chooses a goal from the agent's own observation.
+        skill: the lower level; drives there where the planner chooses no option.
+        control: between the skill and the wheels.
+        index: of the robot in its team; tells its randomness from that of the others.
     """
 
-    def __init__(
-        self,
-        skill: Skill,
-        planner: MetaPlanner,
-        rest: Rest | None,
-        rng: torch.Generator,
-        guard: Guard | None = None,
-        guide: Guide | None = None,
-        docking: Docking | None = None,
-    ) -> None:
-        self.skill = planner if isinstance(planner, Policy) else skill
+    def __init__(self, planner: MetaPlanner, skill: Skill, control: ControlLayer, index: int) -> None:
         self.planner = planner
-        self.rest = rest
-        self.rng = rng
-        self.guard = guard
-        self.guide = guide
-        self.docking = docking
-        self.present = True
-        self.belief: Belief | None = None
-        self.goal: Tensor = torch.empty(0, 2)
-        self.waypoint: Tensor = self.goal
-        self._countdown = 0
+        self.skill = skill
+        self.control = control
+        self.index = index
+        self.config = getattr(planner, "config", None)
+
+    def reset(self, seeds: Sequence[int]) -> None:
+        """Forget the episodes before; the next :meth:`act` plans."""
+        names = ("agents",) if self.planner.shared_rng else ("agent", self.index)
+        self.rng = EpisodeRng([child_seed(seed, *names) for seed in seeds])
+        self.decision: Decision | None = None
+        self.belief = None
+        self._until_plan = 0
 
     def act(self, observation: Observation) -> Float[Tensor, "b 2"]:
         """Return commands [v, omega] for this control step."""
-        if self._countdown == 0:
+        if self._until_plan == 0 or self.decision is None:
             self.plan(observation)
-        elif self.belief is not None:
-            self.waypoint, self.belief = self.planner.follow(observation, self.waypoint, self.belief)
-        self._countdown -= 1
-        command = self.skill.act(observation, self.waypoint)
-        if self.docking is not None:
-            command = self.docking(observation, self.waypoint, command)
-        if self.rest is not None:
-            command = command.masked_fill(self.resting(observation)[:, None], 0.0)
-        return command if self.guard is None else self.guard(observation, command)
-
-    def resting(self, observation: Observation) -> Bool[Tensor, "b"]:
-        """Return whether the robot halts because that fulfils the task."""
-        if self.rest is None:
-            return torch.zeros(len(observation.pose), dtype=torch.bool, device=observation.pose.device)
-        return self.rest(observation)
-
-    def view(self, observation: Observation) -> Observation:
-        """Return what the planner is shown of an observation."""
-        return observation
-
-    def go_on_from(self, other: Agent) -> None:
-        """Take over what another agent of the same robot had in mind, and its randomness."""
-        self.rng, self.belief, self._countdown = other.rng, other.belief, other._countdown
-        self.goal, self.waypoint = other.goal, other.waypoint
+        else:
+            self._take(observation, self.planner.follow(observation, self.decision))
+        self._until_plan -= 1
+        self.command = self.control.filter(observation, self.waypoint, self._drive(observation))
+        return self.command
 
     def plan(self, observation: Observation) -> Belief:
         """Choose a goal now, whatever the schedule says, and restart the schedule."""
-        self.waypoint, self.belief = self.planner.plan(observation, self.belief, self.rng)
-        self.goal = self.belief.goal
-        if self.guide is not None:
-            # who never rests, or has a place of its own, must halt where it is sent
-            halt = (self.waypoint != self.goal).any(-1) | (self.rest is None)
-            self.waypoint = self.guide(observation, self.waypoint, halt)
-        self._countdown = self.planner.plan_every
-        return self.belief
+        decision = self.planner.plan(observation, self.belief, self.rng)
+        self._take(observation, decision)
+        self._until_plan = self.planner.plan_every
+        return decision.belief
+
+    def memory(self) -> Memory | None:
+        """Return what it goes on from."""
+        if self.decision is None:
+            return None
+        return Memory(self.rng, self._until_plan, self.decision, self.waypoint)
+
+    def carry_over(self, memory: Memory | None) -> None:
+        """Go on from the memory of another agent of the same robot, if the planner's belief still holds."""
+        if memory is None or self.planner.carry_over(memory.decision.belief) is None:
+            return
+        self.rng, self._until_plan = memory.rng, memory.until_plan
+        self.decision, self.belief = memory.decision, memory.decision.belief
+        self.goal, self.waypoint = memory.decision.belief.goal, memory.waypoint
+
+    def plan_seconds(self, observation: Observation, repeats: int) -> list[float]:
+        """Return wall times of plans from a belief on; a first plan, which may skip work, supplies it."""
+        belief = self.planner.plan(observation, None, EpisodeRng([0])).belief
+        seconds: list[float] = []
+        for repeat in range(repeats):
+            rng = EpisodeRng([repeat])
+            started = time.perf_counter()
+            belief = self.planner.plan(observation, belief, rng).belief
+            seconds.append(time.perf_counter() - started)
+        return seconds
+
+    def _take(self, observation: Observation, decision: Decision) -> None:
+        """Follow a decision; only where it sends the robot elsewhere are the layers asked again."""
+        moved = self.decision is None or decision.goal is not self.decision.goal
+        self.decision, self.belief, self.goal = decision, decision.belief, decision.belief.goal
+        if moved:
+            self.waypoint = self.control.redirect(observation, self.goal, decision.goal)
+
+    def _drive(self, observation: Observation) -> Float[Tensor, "b 2"]:
+        """Return the commands of the agent's skill, or of the options that its planner chose."""
+        assert self.decision is not None, "plans come before drives"
+        chosen = self.decision.option
+        if chosen is None:
+            return self.skill.act(observation, self.waypoint)
+        command = torch.zeros_like(observation.velocity)
+        for index, option in enumerate(self.planner.options):
+            rows = (chosen == index)[:, None]
+            if bool(rows.any()):
+                command = torch.where(rows, option.skill.act(observation, self.waypoint), command)
+        return command

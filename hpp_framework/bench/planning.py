@@ -12,19 +12,19 @@ import torch
 
 from hpp_framework.bench.measurement import Measurement, Parameter, Settings, ratios, timed
 from hpp_framework.bench.rooms import named_world, team_of
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.planner import MetaPlanner, PlannerContext
 from hpp_framework.core.predictor import PredictorRequest
 from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
-from hpp_framework.perception.sensing import HISTORY, Sensing
+from hpp_framework.perception.sensing import HISTORY
 from hpp_framework.planning.hpp.cem import CemConfig
 from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner
 from hpp_framework.planning.hpp.planner import PRESETS, HppConfig, HppPlanner
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
-from hpp_framework.utils.seeding import numpy_rng, torch_rng
+from hpp_framework.utils.seeding import EpisodeRng, numpy_rng, torch_rng
 from hpp_framework.worlds.spawn import spawn_poses
 
 Plan = Callable[[], object]
@@ -108,8 +108,8 @@ def _preset(preset: str, team: Team, episodes: int, settings: Settings) -> Plan:
 
 def _from_belief(planner: MetaPlanner, observation: Observation) -> Plan:
     """Return a plan to be repeated; the first of an episode has no belief yet and may skip work."""
-    rng = torch.Generator().manual_seed(0)
-    _, belief = planner.plan(observation, None, rng)
+    rng = EpisodeRng(range(len(observation.pose)))
+    belief = planner.plan(observation, None, rng).belief
     return lambda: planner.plan(observation, belief, rng)
 
 
@@ -118,15 +118,12 @@ def _observe(team: Team, episodes: int, settings: Settings) -> Observation:
     rng = numpy_rng(settings.seed, "bench", "planning")
     worlds = [named_world("simple", settings, index) for index in range(episodes)]
     starts = [spawn_poses(world, team.robots, rng) for world in worlds]
-    simulator = BatchSimulator(team.robots)
-    state = simulator.reset(worlds, torch.from_numpy(np.stack(starts)).float())
-    sensing = Sensing(team.robots, NoiseModel(), torch_rng(settings.seed, "bench", "sensing"))
-    sensing.reset(state)
+    batch = EpisodeBatch(BatchSimulator(team.robots))
+    batch.begin(worlds, torch.from_numpy(np.stack(starts)).float(), range(episodes))
     driver = torch_rng(settings.seed, "bench", "drive")
     for _ in range(HISTORY):
-        state = simulator.step(torch.rand(episodes, len(team), 2, generator=driver))
-        sensing.update(state)
-    return sensing.observe(0)
+        batch.step(torch.rand(episodes, len(team), 2, generator=driver))
+    return batch.observe(0)
 
 
 def _latency(parameters: Mapping[str, Parameter], seconds: list[float]) -> Measurement:

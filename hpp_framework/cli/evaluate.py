@@ -19,6 +19,7 @@ from hpp_framework.cli.evaluate_tables import (
 )
 from hpp_framework.cli.options import Noise, Pairs, names, to_experiment
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.utils.errors import ConfigError
 
 TABLE_WIDTH = 120
@@ -39,6 +40,9 @@ class Evaluate:
     settings of their own."""
     team: str = "fetch,freight"
     """Robots, separated by commas, 'id=robot' names one; or a team file (.yaml)."""
+    control: str = DEFAULT_CONTROL
+    """Control layers of every robot from the skill outwards, the same for all planners, e.g.
+    'terminal-approach:near=1.2,safety-filter', or 'none'; 'hpp list layers' shows them."""
     preset: str = "best"
     """Preset of the planners: paper or best."""
     backend: Literal["batch", "sapien"] = "batch"

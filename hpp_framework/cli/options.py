@@ -86,6 +86,7 @@ def to_experiment(
         worlds=worlds,
         planners=planners,
         team=options.team,
+        control=options.control,
         preset=options.preset,
         backend=options.backend,
         episodes=episodes,

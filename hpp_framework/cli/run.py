@@ -10,6 +10,7 @@ import tyro
 
 from hpp_framework.cli.options import Noise, Pairs, to_experiment
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +28,9 @@ class Run:
     """Robots, separated by commas, 'id=robot' names one; or a team file (.yaml)."""
     planner: str = "hpp"
     """Registered planner of every robot; 'hpp:keep=0.05' gives it a setting."""
+    control: str = DEFAULT_CONTROL
+    """Control layers of every robot from the skill outwards, e.g. 'terminal-approach:near=1.2,safety-filter',
+    or 'none'; 'hpp list layers' shows them."""
     preset: str = "best"
     """Preset of the planner: paper or best."""
     backend: Literal["batch", "sapien"] = "sapien"
@@ -34,9 +38,7 @@ class Run:
     seed: int = 0
     """Seed of world, start and agents."""
     episode: int = 0
-    """Number of the episode in an 'hpp evaluate' with the same seed: same world, same start."""
-    of: int = 0
-    """Episodes of that evaluation: runs all that it ran side by side, so that all is as it was; 0: alone."""
+    """Number of the episode in an 'hpp evaluate' with the same seed; it runs as it ran there."""
     out: Path = Path("out/run")
     """Folder to write to."""
     config: Path | None = None
@@ -54,12 +56,9 @@ class Run:
 
     def run(self) -> None:
         """Run, film, and say where things are."""
-        from hpp_framework.evaluation.showcase import Which, recorded_episode, showcase
+        from hpp_framework.evaluation.showcase import recorded_episode, showcase
 
         experiment = to_experiment(self, "run", worlds=(self.world,), planners=(self.planner,), episodes=1)
-        if self.config is None:
-            which = Which(episode=self.episode, of=self.of)
-        else:
-            which = recorded_episode(self.config)
+        episode = self.episode if self.config is None else recorded_episode(self.config)
         with cell_bars(unit=None) as report:
-            showcase(experiment, self.out, which=which, report=report)
+            showcase(experiment, self.out, episode=episode, report=report)

@@ -1,61 +1,65 @@
-"""Planners as experiments name them: with settings of their own, e.g. ``hpp:keep=0.05:memory=0``."""
+"""Planners and policies as experiments name them, with settings: ``hpp:hysteresis=0.05``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from typing import Any
 
 from hpp_framework.config.settings import parse_settings, setting
 from hpp_framework.core.planner import MetaPlanner, PlannerContext
+from hpp_framework.core.policy import Policy
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError
 
-PRESET, GUARD, GUIDE = "preset", "guard", "guide"
-"""Settings that are not the planner's own: its preset, and whether its agents have a guard and a guide."""
+PRESET = "preset"
+"""A setting that is not the planner's own: its preset."""
+MOVED = ("guard", "guide")
+"""Settings of earlier versions that are control layers now."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerChoice:
-    """A registered planner and how it differs from its preset.
+    """A registered planner or policy and how it differs from its preset.
 
     Attributes:
-        name: registered meta-planner.
+        name: registered.
+        is_policy: whether it drives by itself.
         preset: instead of the experiment's, or None.
-        guard: whether agents have a :class:`~hpp_framework.control.safety_filter.Guard`.
-        guide: whether agents have a :class:`~hpp_framework.control.rotate_to_path.Guide`; None leaves it to
-            the planner.
         settings: by dotted name.
     """
 
     name: str
+    is_policy: bool
     preset: str | None
-    guard: bool
-    guide: bool | None
     settings: Mapping[str, Any]
 
 
 def parse_planner(text: str) -> PlannerChoice:
-    """Read a planner from ``"hpp"``, ``"hpp:keep=0.05:memory=0"`` or ``"hpp:preset=paper:guard=false"``.
+    """Read a planner from ``"hpp"``, ``"hpp:hysteresis=0.05"`` or ``"hpp:preset=paper:horizon=4"``.
 
     Args:
         text: a registered name, then settings, all separated by colons.
 
     Raises:
-        ConfigError: if a setting is no ``name=value`` or comes twice, or guard or guide is not true or false.
-        UnknownNameError: if there is no such planner.
+        ConfigError: if a setting is no ``name=value`` or comes twice, or is a control layer.
+        UnknownNameError: if there is no such planner or policy.
     """
     name, *pairs = text.split(":")
     settings = parse_settings(pairs, f"planner '{text}'")
-    hub().planners.entry(name)
-    preset, guard, guide = settings.pop(PRESET, None), settings.pop(GUARD, True), settings.pop(GUIDE, None)
-    for switch, value in ((GUARD, guard), (GUIDE, guide)):
-        if not isinstance(value, bool | None):
-            raise ConfigError(f"planner '{text}': {switch} must be true or false, got {value!r}.")
+    is_policy = name in hub().policies
+    if not is_policy:
+        hub().planners.entry(name)
+    for moved in MOVED:
+        if moved in settings:
+            raise ConfigError(
+                f"planner '{text}': '{moved}' is no setting of a planner any more; all planners have the "
+                "control stack of the experiment: see --control and `hpp list layers`."
+            )
+    preset = settings.pop(PRESET, None)
     return PlannerChoice(
-        name=name, preset=None if preset is None else str(preset), guard=guard is not False, guide=guide,
-        settings=settings,
-    )  # fmt: skip
+        name=name, is_policy=is_policy, preset=None if preset is None else str(preset), settings=settings
+    )
 
 
 def make_planner(text: str, context: PlannerContext) -> MetaPlanner:
@@ -70,25 +74,30 @@ def make_planner(text: str, context: PlannerContext) -> MetaPlanner:
     Raises:
         ConfigError: if the planner has no such settings, or they are wrong.
     """
+    return _make(text, context, policy=False)
+
+
+def make_policy(text: str, context: PlannerContext) -> Policy:
+    """Build a policy; see :func:`make_planner`."""
+    return _make(text, context, policy=True)
+
+
+def _make(text: str, context: PlannerContext, *, policy: bool) -> Any:
     choice = parse_planner(text)
+    registry = hub().policies if policy else hub().planners
     settings = {**context.settings, **choice.settings}
-    planner: MetaPlanner = hub().planners.create(
-        choice.name,
-        PlannerContext(
-            team=context.team, agent=context.agent, task=context.task, preset=choice.preset or context.preset,
-            bounds=context.bounds, weights=context.weights, settings=settings,
-        ),
-    )  # fmt: skip
-    config = getattr(planner, "config", None)
+    told = replace(context, preset=choice.preset or context.preset, settings=settings)
+    made = registry.create(choice.name, told)
+    config = getattr(made, "config", None)
     if not is_dataclass(config):
         if choice.settings:
             raise ConfigError(f"planner '{choice.name}' has no settings, but '{text}' gives it some.")
     elif any(setting(config, name) != value for name, value in settings.items()):
         raise ConfigError(f"planner '{choice.name}' does not heed its settings: it has {config}.")
-    return planner
+    return made
 
 
-def parameters(planner: MetaPlanner) -> dict[str, Any] | None:
-    """Return the effective parameters of a planner, None if it keeps none in a dataclass ``config``."""
-    config = getattr(planner, "config", None)
+def parameters(owner: object) -> dict[str, Any] | None:
+    """Return the effective parameters of an agent, planner or layer, None without a dataclass ``config``."""
+    config = getattr(owner, "config", None)
     return asdict(config) if is_dataclass(config) and not isinstance(config, type) else None

@@ -58,7 +58,7 @@ def _check_shapes(name: str, task: Task, robots: int) -> None:
     """
     poses = torch.arange(2 * 5 * robots * 3, dtype=torch.float32).reshape(2, 5, robots, 3)
     of_poses = f"of poses of shape (2, 5, {robots}, 3)"
-    for method in ("reward", "met"):
+    for method in ("reward", "success"):
         try:
             answer = getattr(task, method)(poses.clone())
         except Exception as error:

@@ -1,96 +1,99 @@
-"""The guide: turns a robot round where the way to its goal begins behind it, and keeps it from slowing down.
+"""Rotate to path: turns a robot round where the path to its waypoint begins behind it.
 
 A reactive skill decides by what it sees now. Beside an island it goes on in the direction in which it drives,
-even where turning back is much shorter, and circles; its agent and everybody else expect it to come back.
-
-A skill also slows down before its goal. Where the others come the same way, that costs time: agents rest as
-soon as braking fulfils the task, wherever the goal is (:class:`~hpp_framework.control.stop_on_success.Rest`).
+even where turning back is much shorter, and circles; its planner and its teammates expect it to come back.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from hpp_framework.config.settings import altered
 from hpp_framework.core import geometry
+from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.types import Observation
 from hpp_framework.perception.local_map import charted_ways, draw_chart
-
-BEHIND = 2.4
-"""Bearing in radians from which a way begins behind."""
-BEGINNING = 0.75
-"""Metres of a way that tell where it begins."""
-BACK = 1.5
-"""Metres along such a way that the skill is sent first: what is near and behind, skills turn round to."""
-BEHIND_UNDER_WAY = 1.8
-"""The bearing from which a way begins behind one of two robots under way, sent to the beginning of it only.
-
-At speed it would go on as before as soon as it has begun to turn to a point farther off. Who stands turns
-anyway, and would lose time, since skills slow down for what is near. Larger teams do not circle."""
-UNDER_WAY = 1.0
-"""Metres that a robot has come within :data:`SINCE` if it is under way."""
-SINCE = 5
-"""Keyframes, one a second."""
-BEYOND = 1.0
-"""Metres beyond a place to meet that the skill is sent: about the distance over which skills slow down."""
-ARRIVED = 0.6
-"""Metres from a place to meet at which a robot is sent no farther: it waits there."""
+from hpp_framework.utils.errors import ConfigError
 
 
-class Guide:
-    """Hands a skill what to drive to: a little way back along the shortest way if that begins behind.
+@dataclass(frozen=True, kw_only=True)
+class RotateToPathConfig:
+    """When a robot is turned round, and how far it is sent back.
 
-    Else it is the goal, or a point straight on beyond it where the robot need not halt.
+    Attributes:
+        behind: bearing of the beginning of a path from which on it begins behind, radians.
+        beginning: metres of a path that tell where it begins.
+        back: metres along such a path that the skill is sent first: skills turn round to what is near and
+            behind.
+        behind_under_way: the bearing of a robot of two that is under way, which is sent to the beginning of
+            the path only: at speed it would go on as before as soon as it has begun to turn to a point
+            farther off. A robot at rest turns anyway, and loses time by what is near.
+        under_way: metres that a robot has come within ``since`` if it is under way.
+        since: keyframes, one a second.
+    """
 
-    The way is found on the agent's chart (:mod:`hpp_framework.perception.local_map`), as motion models of
-    kind ``far-sighted`` find it, so that robots go the way that their models expect.
+    behind: float = 2.4
+    beginning: float = 0.75
+    back: float = 1.5
+    behind_under_way: float = 1.8
+    under_way: float = 1.0
+    since: int = 5
+
+    def __post_init__(self) -> None:
+        if not 0 < self.beginning < self.back or self.since < 1:
+            raise ConfigError(f"rotate-to-path needs 0 < beginning < back and since >= 1, got {self}.")
+
+
+class RotateToPath(ControlLayer):
+    """Sends a skill a little back along the shortest path where that begins behind the robot.
+
+    The path is found on the agent's local map, as motion models of kind ``far-sighted`` find it, so that
+    robots go the way that their models expect.
 
     Args:
         robot: whose lidar and footprint count.
-        beyond: metres beyond a goal at which the robot need not halt.
+        config: when, and how far.
     """
 
-    def __init__(self, robot: RobotSpec, beyond: float = BEYOND) -> None:
-        self.beyond = beyond
+    def __init__(self, robot: RobotSpec, config: RotateToPathConfig | None = None) -> None:
+        self.config = config or RotateToPathConfig()
         self.lidar = robot.lidar
         self.radius = torch.tensor([robot.footprint_radius])
 
-    def __call__(
-        self, observation: Observation, goal: Float[Tensor, "b 2"], halt: Bool[Tensor, "b"] | None = None
+    def redirect(
+        self, observation: Observation, goal: Float[Tensor, "b 2"], waypoint: Float[Tensor, "b 2"]
     ) -> Float[Tensor, "b 2"]:
-        """Return what the skill is to drive to.
-
-        Args:
-            observation: what the agent knows.
-            goal: world coordinates, metres.
-            halt: where the robot is to halt at the goal; None: everywhere.
-        """
+        """Return the waypoint, or a point on the path to it where that begins behind."""
+        del goal
+        config = self.config
         here = observation.pose[:, None, :2]
         chart = draw_chart(
             self.lidar, observation.agent, observation.team_poses, observation.scan, observation.keyframes,
             here, self.radius,
         )  # fmt: skip
-        ways = charted_ways(chart, goal[:, None], torch.tensor([BEGINNING, BACK]))
-        first, back = ways.points[:, 0, 0].unbind(1)
-        under_way = _under_way(observation)
+        paths = charted_ways(chart, waypoint[:, None], torch.tensor([config.beginning, config.back]))
+        first, back = paths.points[:, 0, 0].unbind(1)
+        under_way = self._under_way(observation)
         turned = geometry.polar(observation.pose, first)[..., 1].abs()
-        behind = turned > torch.where(under_way, BEHIND_UNDER_WAY, BEHIND)
+        behind = turned > torch.where(under_way, config.behind_under_way, config.behind)
         back = torch.where(under_way[:, None], first, back)
-        ahead = goal if halt is None else torch.where(halt[:, None], goal, self._beyond(observation, goal))
-        return torch.where(behind[:, None], back, ahead)
+        return torch.where(behind[:, None], back, waypoint)
 
-    def _beyond(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
-        towards = goal - observation.pose[:, :2]
-        distance = towards.norm(dim=-1, keepdim=True)
-        return goal + (self.beyond * towards / distance).where(distance > ARRIVED, 0.0)
+    def _under_way(self, observation: Observation) -> Bool[Tensor, "b"]:
+        """Return whether the robot is one of two and has come from elsewhere in the last seconds."""
+        here = observation.pose[:, :2]
+        if observation.keyframes is None or observation.team_poses.shape[1] != 2:
+            return torch.zeros_like(here[:, 0], dtype=torch.bool)
+        before = observation.keyframes.poses[:, -self.config.since :, observation.agent, :2][:, 0]
+        return (here - before).norm(dim=-1) > self.config.under_way
 
 
-def _under_way(observation: Observation) -> Bool[Tensor, "b"]:
-    """Return whether the robot is one of two and has come from elsewhere in the last seconds."""
-    here = observation.pose[:, :2]
-    if observation.keyframes is None or observation.team_poses.shape[1] != 2:
-        return torch.zeros_like(here[:, 0], dtype=torch.bool)
-    before = observation.keyframes.poses[:, -SINCE:, observation.agent, :2][:, 0]
-    return (here - before).norm(dim=-1) > UNDER_WAY
+def rotate_to_path(context: ControlContext) -> RotateToPath:
+    """Build the layer."""
+    config = altered(RotateToPathConfig(), context.settings, "layer 'rotate-to-path'")
+    return RotateToPath(context.robot, config)

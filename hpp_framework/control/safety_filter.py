@@ -1,4 +1,4 @@
-"""The guard: keeps a robot off what it sees and what it saw a moment ago, whatever its skill wants.
+"""The safety filter keeps a robot off what it sees and what it saw a moment ago, whatever its skill wants.
 
 A lidar at the front sees nothing at the robot's sides, where it brushes what it passes closely while turning.
 """
@@ -12,7 +12,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.control import safety_kernels as guard_kernels
+from hpp_framework.config.settings import altered
+from hpp_framework.control import safety_kernels
+from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
@@ -25,8 +27,8 @@ POINTS = 512
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuardConfig:
-    """How careful a guard is.
+class SafetyFilterConfig:
+    """How careful a safety filter is.
 
     Attributes:
         margin: metres to keep from what is seen; what is hidden behind a thin leg's near side is as near.
@@ -41,12 +43,12 @@ class GuardConfig:
     def __post_init__(self) -> None:
         for name in ("margin", "way_out"):
             if not 0 <= getattr(self, name) < float("inf"):
-                raise ConfigError(f"guard: {name} must be 0 m or more, got {getattr(self, name)}.")
+                raise ConfigError(f"safety-filter: {name} must be 0 m or more, got {getattr(self, name)}.")
         if not 0 <= self.memory <= KEYFRAMES:
-            raise ConfigError(f"guard: memory must be 0 to {KEYFRAMES} keyframes, got {self.memory}.")
+            raise ConfigError(f"safety-filter: memory must be 0 to {KEYFRAMES} keyframes, got {self.memory}.")
 
 
-class Guard:
+class SafetyFilter(ControlLayer):
     """Corrects commands after which a robot could no longer stop before it touches something.
 
     A command is foreseen for one control period under the drive's limits, then a full stop in one of four
@@ -61,14 +63,21 @@ class Guard:
         config: how careful it is.
     """
 
-    def __init__(self, robot: RobotSpec, config: GuardConfig | None = None) -> None:
-        self.config = config or GuardConfig()
+    def __init__(self, robot: RobotSpec, config: SafetyFilterConfig | None = None) -> None:
+        self.config = config or SafetyFilterConfig()
         self._limits = _limits(robot, self.config)
         angles = torch.from_numpy(robot.lidar.angles()).float()
         self._beams = torch.stack([angles.cos(), angles.sin()], -1)
 
-    def __call__(self, observation: Observation, command: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
-        """Return commands [v, omega] that the robot can stop after in time.
+    def filter(
+        self, observation: Observation, waypoint: Float[Tensor, "b 2"], command: Float[Tensor, "b 2"]
+    ) -> Float[Tensor, "b 2"]:
+        """Return commands [v, omega] that the robot can stop after in time."""
+        del waypoint
+        return self.corrected(observation, command)
+
+    def corrected(self, observation: Observation, command: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
+        """Return the nearest commands [v, omega] that the robot can stop after in time.
 
         Args:
             observation: what the agent knows.
@@ -85,7 +94,7 @@ class Guard:
         counts = wp.from_torch(torch.empty(size, dtype=torch.int32, device=command.device))
         corrected = torch.empty_like(command)
         wp.launch(
-            guard_kernels.gather,
+            safety_kernels.gather,
             dim=size,
             inputs=[
                 wp.from_torch(scans.contiguous()), vectors(self._beams.to(scans)), vectors(poses),
@@ -94,7 +103,7 @@ class Guard:
             device=device,
         )  # fmt: skip
         wp.launch(
-            guard_kernels.correct,
+            safety_kernels.correct,
             dim=size,
             inputs=[vectors(command), velocity, points, counts, self._limits, vectors(corrected)],
             device=device,
@@ -102,9 +111,9 @@ class Guard:
         return corrected
 
 
-def _limits(robot: RobotSpec, config: GuardConfig) -> Any:
+def _limits(robot: RobotSpec, config: SafetyFilterConfig) -> Any:
     """Return the numbers that the kernels need."""
-    out, drive, lidar = guard_kernels.Limits(), robot.drive, robot.lidar
+    out, drive, lidar = safety_kernels.Limits(), robot.drive, robot.lidar
     out.speed_min, out.speed_max = drive.speed
     out.turn_rate = drive.turn_rate
     out.acceleration, out.turn_acceleration = drive.acceleration, drive.turn_acceleration
@@ -113,3 +122,9 @@ def _limits(robot: RobotSpec, config: GuardConfig) -> Any:
     out.body, out.period = BODY, CONTROL_PERIOD
     out.margin, out.way_out = config.margin, config.way_out
     return out
+
+
+def safety_filter(context: ControlContext) -> SafetyFilter:
+    """Build the layer."""
+    config = altered(SafetyFilterConfig(), context.settings, "layer 'safety-filter'")
+    return SafetyFilter(context.robot, config)

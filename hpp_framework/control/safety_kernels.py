@@ -1,4 +1,4 @@
-"""Warp kernels of the guard: gather what a robot could touch, and correct its command."""
+"""Warp kernels of the safety filter: gather what a robot could touch, and correct its command."""
 
 import warp as wp
 
@@ -31,7 +31,7 @@ LOOKS = wp.constant(4)
 
 @wp.struct
 class Limits:
-    """Numbers of one robot and of the configuration; see ``RobotSpec`` and ``GuardConfig``."""
+    """Numbers of one robot and of the configuration; see ``RobotSpec`` and ``SafetyFilterConfig``."""
 
     speed_min: float
     speed_max: float

@@ -1,51 +1,81 @@
-"""Braking together: two robots that meet come to stand where that just fulfils the task.
+"""Yield together: robots that meet come to stand where that just fulfils the task.
 
-Agents rest as soon as braking fulfils it (:class:`~hpp_framework.control.stop_on_success.Rest`), and drive
-on as before until then. They decide once a control step, so two that drive at each other at 1 m/s may drive
-0.4 m farther than they need, and take two steps more to stand. Here each drives on, for one step, at the
-least speed that does.
+Robots stop as soon as braking fulfils it (:mod:`hpp_framework.control.stop_on_success`), and drive on as
+before until then. They decide once a control step, so two that drive at each other at 1 m/s may drive 0.4 m
+farther than they need, and take two steps more to stand. Here each drives on, for one step, at the least
+speed that does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from hpp_framework.config.settings import altered
 from hpp_framework.control.stopping import Halting, motion
+from hpp_framework.control.terminal_approach import ends_together, has_targets, slowed
+from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
-
-CHOICES = 17
-"""Changes of speed that are weighed, from full deceleration to full acceleration."""
-SHORT = 0.02
-"""Metres by which a robot may drive less far than foreseen, so that it need not drive on once it stands."""
+from hpp_framework.utils.errors import ConfigError
 
 
-class Braking:
-    """Limits a robot's speed to what the task still asks for, counting on everybody else to do the same.
+@dataclass(frozen=True, kw_only=True)
+class YieldTogetherConfig:
+    """How finely speeds are weighed.
+
+    Attributes:
+        choices: changes of speed that are weighed, from full deceleration to full acceleration.
+        short: metres by which a robot may drive less far than foreseen, so that it need not drive on once it
+            stands.
+    """
+
+    choices: int = 17
+    short: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.choices < 2 or not self.short >= 0:
+            raise ConfigError(f"yield-together needs choices >= 2 and short >= 0, got {self}.")
+
+
+class YieldTogether(ControlLayer):
+    """Limits a robot's speed to what the task still asks for, counting on all others to do the same.
 
     All are taken to change their speeds in one proportion of what they can, the least after which braking
-    fulfils the task. So nobody needs to be told who gives in; what one misjudges is seen a step later.
+    fulfils the task. So no robot needs to be told who gives in; what one misjudges is seen a step later.
 
     Args:
         robots: the team.
         agent: index of the robot.
         task: says what is fulfilled.
+        config: how finely speeds are weighed.
     """
 
-    def __init__(self, robots: Sequence[RobotSpec], agent: int, task: Task) -> None:
+    def __init__(
+        self, robots: Sequence[RobotSpec], agent: int, task: Task, config: YieldTogetherConfig | None = None
+    ) -> None:
+        self.config = config or YieldTogetherConfig()
         self.task = task
         self.agent = agent
         self.halting = Halting(robots)
         self.top = torch.tensor([robot.drive.speed[1] for robot in robots])
-        self.share = torch.linspace(-1, 1, CHOICES)[:, None]
+        self.share = torch.linspace(-1, 1, self.config.choices)[:, None]
+        self.useful = len(robots) == 2 and not has_targets(task, 2) and ends_together(task, 2)
 
-    def __call__(self, observation: Observation) -> Float[Tensor, "b"]:
+    def filter(
+        self, observation: Observation, waypoint: Float[Tensor, "b 2"], command: Float[Tensor, "b 2"]
+    ) -> Float[Tensor, "b 2"]:
+        """Return the command, no faster than is enough."""
+        del waypoint
+        return slowed(command, self.enough(observation)) if self.useful else command
+
+    def enough(self, observation: Observation) -> Float[Tensor, "b"]:
         """Return the speed in m/s that is enough; infinite where none within one step's reach is."""
         poses = observation.team_poses
         mean, turn = motion(observation)
@@ -56,9 +86,9 @@ class Braking:
         while_changing = torch.where(
             changed > 0, (speed + changed) / 2 * CONTROL_PERIOD, speed.square() / (2 * deceleration)
         )
-        way = while_changing + changed.square() / (2 * deceleration) - SHORT
+        way = while_changing + changed.square() / (2 * deceleration) - self.config.short
         halts = poses[:, None, :, :2] + way[..., None] * self.halting.direction(observation, turn)[:, None]
-        met = self.task.met(torch.cat([halts, poses[:, None, :, 2:].expand_as(halts[..., :1])], -1))
+        met = self.task.success(torch.cat([halts, poses[:, None, :, 2:].expand_as(halts[..., :1])], -1))
         least = met.to(torch.uint8).argmax(1)  # the first of those that are enough
         enough = changed[torch.arange(len(poses)), least, self.agent]
         return torch.where(met.any(1), enough, torch.inf)
@@ -88,3 +118,9 @@ def speeds_now(
     carried_on = (late + ((late - early) / 2).maximum(-most).minimum(most)).clamp(min=0)
     mine = torch.arange(places.shape[2], device=places.device) == observation.agent
     return torch.where(mine, mean, carried_on)
+
+
+def yield_together(context: ControlContext) -> YieldTogether:
+    """Build the layer."""
+    config = altered(YieldTogetherConfig(), context.settings, "layer 'yield-together'")
+    return YieldTogether(context.robots, context.agent, context.task, config)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.core.requirement import AllOf, Requirement
-from hpp_framework.core.task import Settling, Task, relative_speed
+from hpp_framework.core.task import Task, Terminal, relative_speed
 from hpp_framework.core.term import Term
 from hpp_framework.utils.errors import ConfigError
 
@@ -51,7 +51,7 @@ class Rules:
     Attributes:
         sustain_steps: consecutive control steps that success must hold.
         rest_speed: relative speed of two robots at success, at most, m/s; None where motion does not matter.
-        halts: whether agents stop where the task is met.
+        halts: whether agents stop where the task is fulfilled.
     """
 
     sustain_steps: int = 5
@@ -68,7 +68,7 @@ class Rules:
 class ComposedTask(Task):
     """A task made of terms.
 
-    The reward is minus the sum of all errors by weight, and 0 where the task is met, as in Eq. 1.
+    The reward is minus the sum of all errors by weight, and 0 where the task is fulfilled, as in Eq. 1.
 
     Args:
         rewards: what is paid for.
@@ -85,7 +85,7 @@ class ComposedTask(Task):
         if not rewards or not success:
             raise ConfigError("a task needs at least one term of reward and one of success.")
         self.rewards = tuple(rewards)
-        self.success = tuple(success)
+        self.limits = tuple(success)
         self.rules = rules or Rules()
         self.sustain_steps = self.rules.sustain_steps
         self.halts = self.rules.halts
@@ -97,52 +97,44 @@ class ComposedTask(Task):
         return max(sum(costs) / 4, 1.0)
 
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
-        """Return minus the weighed sum of the errors, 0 where the task is met."""
+        """Return minus the weighed sum of the errors, 0 where the task is fulfilled."""
         # a term is often paid for and asked for
-        errors = {each.term: each.term.errors(poses) for each in (*self.rewards, *self.success)}
+        errors = {each.term: each.term.errors(poses) for each in (*self.rewards, *self.limits)}
         paid = [errors[each.term].sum(-1).mul_(-each.weight) for each in self.rewards]
         return torch.stack(paid).sum(0).masked_fill_(self._kept(errors), 0.0)
 
-    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
-        """Return whether no error exceeds its limit."""
-        return self._kept({each.term: each.term.errors(poses) for each in self.success})
+    def success(
+        self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"] | None = None
+    ) -> Bool[Tensor, "*b"]:
+        """Return whether no error exceeds its limit, and no two robots move against each other too fast."""
+        kept = self._kept({each.term: each.term.errors(poses) for each in self.limits})
+        if velocities is None or self.rules.rest_speed is None:
+            return kept
+        return kept & (relative_speed(poses, velocities) < self.rules.rest_speed)
 
     def _kept(self, errors: Mapping[Term, Float[Tensor, "*b _"]]) -> Bool[Tensor, "*b"]:
-        return torch.stack([(errors[each.term] <= each.at_most).all(-1) for each in self.success]).all(0)
+        return torch.stack([(errors[each.term] <= each.at_most).all(-1) for each in self.limits]).all(0)
 
-    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
-        """Return whether the task is met and no two robots move against each other too fast."""
-        met = self.met(poses)
-        if self.rules.rest_speed is None:
-            return met
-        return met & (relative_speed(poses, velocities) < self.rules.rest_speed)
-
-    def places(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"] | None:
-        """Return the places that the first term with places gives."""
-        for each in (*self.rewards, *self.success):
-            places = each.term.places(goals, poses)
-            if places is not None:
-                return places
+    ) -> Float[Tensor, "*c n 3"] | None:
+        """Return the targets that the first term with targets gives."""
+        for each in (*self.rewards, *self.limits):
+            targets = each.term.targets(goals, poses)
+            if targets is not None:
+                return targets
         return None
 
-    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
-        """Return what the first term that settles says."""
-        term = self._settles(poses)
-        return None if term is None else term.settling(poses)
-
-    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
-        """Return what the first term that settles says."""
-        term = self._settles(poses)
-        return super().stances(middle, poses) if term is None else term.stances(middle, poses)
-
-    def _settles(self, poses: Float[Tensor, "b n 3"]) -> Term | None:
-        terms = (each.term for each in (*self.rewards, *self.success))
-        return next((term for term in terms if term.settling(poses) is not None), None)
+    def terminal(self, poses: Float[Tensor, "b n 3"]) -> Terminal | None:
+        """Return what the first term with a terminal phase says."""
+        for each in (*self.rewards, *self.limits):
+            terminal = each.term.terminal(poses)
+            if terminal is not None:
+                return terminal
+        return None
 
     def requirement(self) -> Requirement | None:
         """Return what all conditions require."""
-        found = [each.term.requirement(each.at_most) for each in self.success]
+        found = [each.term.requirement(each.at_most) for each in self.limits]
         parts = tuple(each for each in found if each is not None)
         return AllOf(parts) if parts else None

@@ -3,28 +3,31 @@
 The loop that calls one (every ``plan_every`` control steps, for all episodes at once)::
 
     planner = hub().planners.create("hpp", context)
-    goal, belief = planner.plan(observation, belief, rng)
+    decision = planner.plan(observation, belief, rng)
 
 and in the control steps between::
 
-    goal, belief = planner.follow(observation, goal, belief)
+    decision = planner.follow(observation, decision)
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
+from hpp_framework.core.control import ControlLayer, ControlStack
+from hpp_framework.core.option import Option
 from hpp_framework.core.task import Task
 from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation, Trajectories
+from hpp_framework.utils.seeding import EpisodeRng
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,22 @@ def certain(goal: Float[Tensor, "b 2"]) -> Belief:
     return Belief(goal=goal, mean=goal, std=torch.zeros_like(goal))
 
 
+@dataclass(frozen=True)
+class Decision:
+    """What a planner wants of its agent.
+
+    Attributes:
+        goal: where the agent's skill is sent, world frame, metres: the belief's goal, the robot's own target
+            around it, or a point on the path there.
+        belief: that the next plan gets back.
+        option: which of the planner's options drives, -1 for none; None leaves it to the agent's own skill.
+    """
+
+    goal: Float[Tensor, "b 2"]
+    belief: Belief
+    option: Int[Tensor, "b"] | None = None
+
+
 PRESETS = ("paper", "best")
 """Presets that commands offer; planners without presets ignore them."""
 
@@ -73,43 +92,44 @@ class MetaPlanner(ABC):
 
     Attributes:
         plan_every: control steps between plans (the paper's T_h).
-        centralised: whether all agents share one source of randomness, as only a centralised planner could.
-        guided: whether its agents have a :class:`~hpp_framework.control.rotate_to_path.Guide` unless told
-            otherwise.
-        heedless: whether it heeds no other robot, so that it goes on as before when the team changes.
-        rests: whether its agents stop where that fulfils the task.
+        shared_rng: whether all agents share one source of randomness, as only a centralised planner could.
+        options: skills that a decision may choose among, instead of the agent's own.
     """
 
     plan_every: int = 10
-    centralised: bool = False
-    guided: bool = False
-    heedless: bool = False
-    rests: bool = True
+    shared_rng: bool = False
+    options: Sequence[Option] = ()
 
     @abstractmethod
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return a goal for the agent's own skill, in world coordinates, and the updated belief.
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
+        """Return what the agent is to do, and the updated belief.
 
         Args:
             observation: of the planning agent; nothing else may be read.
-            belief: what the last call returned, None at the start of an episode.
+            belief: of the last decision, None at the start of an episode.
             rng: the agent's own source of randomness.
         """
 
-    def follow(
-        self, observation: Observation, goal: Float[Tensor, "b 2"], belief: Belief
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the goal for a control step between two plans; planners of paths move it along the path.
+    def follow(self, observation: Observation, decision: Decision) -> Decision:
+        """Return the decision for a control step between two plans.
+
+        Planners of paths move the goal along the path. A goal that stays must be the same object.
 
         Args:
             observation: of the planning agent; nothing else may be read.
-            goal: of the step before.
-            belief: what the last call left.
+            decision: of the step before.
         """
         del observation
-        return goal, belief
+        return decision
+
+    def carry_over(self, belief: Belief) -> Belief | None:
+        """Return what remains of a belief where the team changes; None: the agent plans anew.
+
+        Args:
+            belief: about the team before.
+        """
+        del belief
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,12 +137,13 @@ class PlannerContext:
     """What a planner factory is told.
 
     Attributes:
-        team: everybody, with robots and skills.
+        team: all robots, with their skills.
         agent: index of the agent that plans.
         task: the shared objective.
         preset: ``"paper"`` or ``"best"``; planners without presets ignore it.
         bounds: (x_min, y_min, x_max, y_max) of the world, metres.
         weights: extra folders searched for predictor weights.
+        control: builds the control stack of a robot of the team by its index; for oracles that imagine it.
         settings: that differ from the preset, by dotted name, e.g. ``{"keep": 0.05}``; a planner that keeps
             its parameters in a dataclass ``config`` applies them with
             :func:`hpp_framework.config.settings.altered`. Planners without parameters ignore them.
@@ -134,4 +155,5 @@ class PlannerContext:
     preset: str = "best"
     bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0)
     weights: tuple[Path, ...] = ()
+    control: Callable[[int], ControlLayer] = lambda _: ControlStack()
     settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())

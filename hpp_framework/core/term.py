@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.core.requirement import Requirement
-from hpp_framework.core.task import Settling
+from hpp_framework.core.task import Terminal
 
 
 class Term(ABC):
@@ -32,21 +32,17 @@ class Term(ABC):
                 as right.
         """
 
-    def places(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"] | None:
-        """Return each robot's place for a shared goal; see :meth:`hpp_framework.core.task.Task.places`."""
+    ) -> Float[Tensor, "*c n 3"] | None:
+        """Return each robot's target for a shared goal; see :meth:`hpp_framework.core.task.Task.targets`."""
         del goals, poses
         return None
 
-    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
-        """Return which teams settle now and where; see :meth:`hpp_framework.core.task.Task.settling`."""
+    def terminal(self, poses: Float[Tensor, "b n 3"]) -> Terminal | None:
+        """Return which teams finish now; see :meth:`hpp_framework.core.task.Task.terminal`."""
         del poses
         return None
-
-    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
-        """Return how the robots of a settling team stand; see :meth:`Task.stances`."""
-        raise NotImplementedError(f"{type(self).__name__} settles and must say where.")
 
     def requirement(self, limit: float) -> Requirement | None:
         """Return what holds wherever no error exceeds a limit, for lower bounds; None if unknown."""

@@ -7,10 +7,16 @@ goal candidates, ``t`` predicted times.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
 
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+
+from hpp_framework.core.world import World
+
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,41 @@ class Keyframes:
 
 
 @dataclass(frozen=True)
+class Privileged:
+    """What no robot knows: for oracles, upper bounds to compare decentralised planners with.
+
+    Attributes:
+        worlds: one per episode.
+        state: of the simulator, noise-free.
+        observations: of all agents, in team order.
+        running: episodes that are not decided yet.
+    """
+
+    worlds: Sequence[World]
+    state: State
+    observations: Sequence[Observation]
+    running: Bool[Tensor, "b"]
+    _answers: dict[str, Any] = field(default_factory=lambda: dict[str, Any](), repr=False, compare=False)
+
+    def once(self, question: str, answer: Callable[[], Answer]) -> Answer:
+        """Return the answer to a question, worked out for the first agent that asks and the same for all.
+
+        Args:
+            question: what is asked; questions of different planners need different names.
+            answer: works it out.
+        """
+        if question not in self._answers:
+            self._answers[question] = answer()
+        return self._answers[question]
+
+    def episodes(self, chosen: slice) -> Privileged:
+        """Return what is known of some of the episodes."""
+        state = State(*(getattr(self.state, each.name)[chosen] for each in fields(self.state)))
+        seen = [observation.episodes(chosen) for observation in self.observations]
+        return Privileged(self.worlds[chosen], state, seen, self.running[chosen])
+
+
+@dataclass(frozen=True)
 class Observation:
     """What one agent knows: everybody's noisy poses, its own lidar, its own odometry.
 
@@ -61,6 +102,8 @@ class Observation:
         scans: own lidar, oldest first.
         velocity: own forward speed (m/s) and turn rate (rad/s).
         keyframes: what it remembers beyond the history; None where nobody keeps them.
+        privileged: what no robot knows, where the episodes are run by who does; None elsewhere. Only oracles
+            may read it.
     """
 
     agent: int
@@ -68,9 +111,10 @@ class Observation:
     scans: Float[Tensor, "b h k"]
     velocity: Float[Tensor, "b 2"]
     keyframes: Keyframes | None = None
+    privileged: Privileged | None = field(default=None, repr=False)
 
     def episodes(self, chosen: slice | Int[Tensor, "k"]) -> Observation:
-        """Return what the agent knows in some of the episodes."""
+        """Return what the agent itself knows in some of the episodes."""
         kept = self.keyframes and Keyframes(self.keyframes.poses[chosen], self.keyframes.scans[chosen])
         return Observation(self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept)
 

@@ -19,17 +19,18 @@ import torch
 
 from hpp_framework.config.task_file import make_task
 from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.schedule import make_schedule
 from hpp_framework.core.task import Task
 from hpp_framework.core.team import Team
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, State
 from hpp_framework.core.world import World
 from hpp_framework.envs.spaces import check_bounds, to_numbers
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.sim import make_simulator
 from hpp_framework.utils.errors import ConfigError, SimulatorError
-from hpp_framework.utils.seeding import numpy_rng, torch_rng
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.viz.picture import Picture
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
@@ -69,22 +70,20 @@ class TeamEpisode:
     """
 
     world: World
-    state: State
     seed: int
 
     def __init__(self, team: Team | str, world: World | str, config: EpisodeConfig) -> None:
         self.team = parse_team(team) if isinstance(team, str) else team
         self.config = config
         robots = self.team.robots
-        self.task = (
-            make_task(config.task, robots, self.team.ids) if isinstance(config.task, str) else config.task
-        )
+        self.task = self._task_of(self.team)
         self._draw_world = resolve_world(world) if isinstance(world, str) else lambda _: world
-        self._simulator = make_simulator(config.backend, robots)
+        self.schedule = make_schedule(self.team, self._task_of)
+        self._batch = EpisodeBatch(
+            make_simulator(config.backend, robots), self.schedule, noise=self.team.noises(config.noise)
+        )
         self._picture = Picture(robots)
         self.started = False
-        self.steps = 0
-        self._sustained = 0
 
     def reset(self, seed: int, poses: Any = None) -> None:
         """Start an episode that depends on the seed only.
@@ -104,30 +103,37 @@ class TeamEpisode:
         elif to_numbers(poses).shape != (len(self.team), 3):
             raise ConfigError(f"start poses must be numbers of shape ({len(self.team)}, 3), got {poses!r}.")
         start = torch.as_tensor(np.asarray(poses, np.float32))[None]
-        self.state = self._simulator.reset([self.world], start)
-        self._sensing = Sensing(self.team.robots, self.config.noise, torch_rng(seed, "sensing"))
-        self._sensing.reset(self.state)
+        self._batch.begin([self.world], start, [seed])
         self.started = True
-        self.steps = 0
-        self._sustained = 0
 
     def step(self, commands: FloatArray) -> float:
-        """Drive everybody for one control step and return the reward of the true poses.
+        """Drive all robots for one control step and return the reward of the true poses.
 
         Args:
             commands: (n, 2) forward speed (m/s) and turn rate (rad/s); drive limits are applied.
         """
-        self.state = self._simulator.step(torch.as_tensor(np.asarray(commands, np.float32))[None])
-        self._sensing.update(self.state)
-        self.steps += 1
-        done = bool(self.task.done(self.state.poses, self.state.velocities)[0])
-        self._sustained = self._sustained + 1 if done else 0
-        return float(self.task.reward(self.state.poses)[0])
+        self._batch.step(torch.as_tensor(np.asarray(commands, np.float32))[None])
+        stage = self._batch.stage
+        return float(stage.task.reward(self.state.poses[:, list(stage.present)])[0])
+
+    def _task_of(self, team: Team) -> Task:
+        task = self.config.task
+        return make_task(task, team.robots, team.ids) if isinstance(task, str) else task
+
+    @property
+    def state(self) -> State:
+        """True state, of a batch of one."""
+        return self._batch.state
+
+    @property
+    def steps(self) -> int:
+        """Control steps since the beginning."""
+        return self._batch.steps
 
     @property
     def success(self) -> bool:
         """Whether the task has been fulfilled for its ``sustain_steps`` consecutive steps."""
-        return self._sustained >= self.task.sustain_steps
+        return bool(self._batch.done_step[0] >= 0)
 
     @property
     def truncated(self) -> bool:
@@ -136,8 +142,9 @@ class TeamEpisode:
 
     @property
     def met(self) -> bool:
-        """Whether the true poses alone fulfil the task now."""
-        return bool(self.task.met(self.state.poses)[0])
+        """Whether the true poses of those who take part alone fulfil the task now."""
+        stage = self._batch.stage
+        return bool(stage.task.success(self.state.poses[:, list(stage.present)])[0])
 
     @property
     def poses(self) -> npt.NDArray[np.float32]:
@@ -151,7 +158,7 @@ class TeamEpisode:
 
     def observe(self, agent: int) -> Observation:
         """Return what one agent knows."""
-        return self._sensing.observe(agent)
+        return self._batch.observe(agent)
 
     def draw_goal(self) -> tuple[float, float]:
         """Draw a point that every robot of the team can reach; depends on the episode's seed only."""
@@ -182,4 +189,4 @@ class TeamEpisode:
 
     def close(self) -> None:
         """Free the simulator; safe to call twice."""
-        self._simulator.close()
+        self._batch.simulator.close()

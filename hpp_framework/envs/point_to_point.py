@@ -32,7 +32,7 @@ from hpp_framework.envs.spaces import (
     scan_space,
     unit_space,
 )
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError, SimulatorError
@@ -124,6 +124,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.journeys = Journeys(self.pool, shape, self.problem.goal_distance, gap, detours)
         self.simulator = BatchSimulator([self.robot] * robots_per_world, device=device)
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
+        # skills see the present only
+        self._batch = EpisodeBatch(self.simulator, noise=self.noise, history=1, keyframes=0)
         self.single_observation_space = observation_space(self.robot, guided=practice is not None)
         self.single_action_space = unit_space() if unit_actions else command_space(self.robot)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, num_envs)
@@ -132,10 +134,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
 
     def _seed(self, seed: int) -> None:
         self.rng = torch_rng(seed, "point-to-point")
-        # skills see the present only
-        self._sensing = Sensing(
-            self.simulator.robots, self.noise, torch_rng(seed, "sensing"), history=1, keyframes=0
-        )
+        self._seeds = [child_seed(seed, row) for row in range(self.worlds_count)]
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -166,7 +165,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self._dwelt = torch.zeros(shape, dtype=torch.int64)
         self._age = torch.zeros(shape, dtype=torch.int64)
         state = self._restart(torch.ones(shape, dtype=torch.bool), torch.full((*shape, 3), 1e6))
-        self._sensing.reset(state)
+        self._batch.start(state, self._seeds)
         self._left = self.journeys.left(state.poses.cpu())
         return self._observe(), {}
 
@@ -197,7 +196,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         Raises:
             SimulatorError: before the first reset, or if actions are not finite or have the wrong shape.
         """
-        state = self.simulator.step(self._disturbed(self._commands(actions)))
+        state = self._batch.step(self._disturbed(self._commands(actions)))
         reward, success, failed = self._score(state)
         terminated = success | failed
         truncated = (self._age >= self.problem.max_steps) & ~terminated
@@ -205,7 +204,6 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         # a world is redrawn when its first robot ends, which cuts the others short
         truncated |= ended[:, :1] & ~terminated
         ended |= truncated
-        self._sensing.update(state)
         info: dict[str, Any] = {"touched": state.collided.reshape(-1).cpu().numpy()}
         if self.autoreset and bool(ended.any()):
             info.update(self._final(ended, success))
@@ -263,7 +261,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def _begin(self, chosen: Tensor, state: State) -> None:
         """Begin new episodes of the chosen robots (worlds, robots)."""
         fresh = self._restart(chosen, state.poses.cpu())
-        self._sensing.restart(fresh, chosen)
+        self._batch.sensing.restart(fresh, chosen)
         self._left = self.journeys.left(fresh.poses.cpu())
 
     def _score(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
@@ -308,14 +306,14 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
 
     def _draw_disturbances(self, practice: Practice, worlds: Tensor) -> None:
         strength, late, drive = torch.rand(3, len(worlds), generator=self.rng)
-        before = strength if self._sensing.intensity is None else self._sensing.intensity
-        self._sensing.intensity = torch.where(worlds, strength, before)
+        before = strength if self._batch.sensing.intensity is None else self._batch.sensing.intensity
+        self._batch.sensing.intensity = torch.where(worlds, strength, before)
         self._late = torch.where(worlds, late < practice.late, self._late)
         weakest = practice.weakest_drive
         self._drive = torch.where(worlds, weakest + (1 - weakest) * drive, self._drive)
 
     def _observe(self) -> dict[str, Any]:
-        views = [self._sensing.observe(i) for i in range(self.robots_per_world)]
+        views = [self._batch.observe(i) for i in range(self.robots_per_world)]
         poses = torch.stack([view.pose for view in views], 1).cpu()
         goal = geometry.polar(poses, self.journeys.goals)
         goal[..., 0].clamp_(max=MAX_GOAL_DISTANCE)
@@ -336,6 +334,6 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def _guide(self) -> Tensor:
         bearing = self.journeys.direction(self._poses)
         time_left = 1 - self._age / self.problem.max_steps
-        assert self._sensing.intensity is not None
-        intensity = self._sensing.intensity[:, None].expand_as(bearing)
+        assert self._batch.sensing.intensity is not None
+        intensity = self._batch.sensing.intensity[:, None].expand_as(bearing)
         return torch.stack([self._left / 10, bearing.cos(), bearing.sin(), time_left, intensity], -1)

@@ -6,7 +6,7 @@ algorithm can be trained as a meta-planner: the upper level of the hierarchy.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,11 @@ from gymnasium import spaces
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.agents.hierarchical import Agent, make_agent
+from hpp_framework.agents.build import AgentConfig, Bounds, MakePlanner, build_scheduled_agents
+from hpp_framework.config.planner_choice import parse_planner
+from hpp_framework.core.agent import Agent
 from hpp_framework.core.option import BUDGET, Option
-from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext
-from hpp_framework.core.skill import Skill
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner, certain
 from hpp_framework.core.team import Team
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
@@ -38,14 +39,16 @@ from hpp_framework.envs.spaces import (
     to_arrays,
     unit_space,
 )
-from hpp_framework.plugins.build import MakeOption, make_option, make_skills
-from hpp_framework.plugins.registry import hub
+from hpp_framework.plugins.build import MakeOption, make_option
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.utils.errors import ConfigError, SimulatorError
+from hpp_framework.utils.seeding import EpisodeRng
 from hpp_framework.viz.picture import check_mode
 
-PlannerFactory = Callable[[PlannerContext], MetaPlanner]
-
 PLAN_EVERY = 10
+
+STAND = -1
+"""Of no option: the robot stands."""
 
 _MEANINGS = {
     2: "[x, y] of the goal, in -1..1",
@@ -63,6 +66,8 @@ class HierarchyConfig:
             an environment step then lasts until the option is over. None: its own skill, for ``plan_every``.
         budget: control steps an option made of a registered skill may take.
         reach: metres from the team's midpoint that an action of 1 stands for, each axis.
+        control: control stack of the learner; the safety filter alone lets it go where it is told.
+        teammates_control: control stack of the teammates.
         preset: of the teammates' planners.
         weights: extra folders searched for the teammates' predictor weights.
         episode: task, noise, backend, length in control steps.
@@ -72,6 +77,8 @@ class HierarchyConfig:
     options: tuple[str | MakeOption, ...] = ()
     budget: int = BUDGET
     reach: float = 5.0
+    control: str = "safety-filter"
+    teammates_control: str = DEFAULT_CONTROL
     preset: str = "best"
     weights: tuple[Path, ...] = ()
     episode: EpisodeConfig = EpisodeConfig()
@@ -91,8 +98,8 @@ class RendezvousEnv(gym.Env[Any, Any]):
         team: a team, or text such as ``"fetch,freight"``.
         world: a world, a registered world or a world file; a registered one is drawn afresh at each reset.
         learner: index of the robot that is given goals.
-        teammates: registered planner of everybody else, or a factory of one.
-        config: planning period, reach, task, noise, backend, length.
+        teammates: registered planner or policy of the other robots, or a factory of a planner.
+        config: planning period, control stacks, reach, task, noise, backend, length.
         render_mode: ``"rgb_array"`` or None.
     """
 
@@ -107,7 +114,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         *,
         world: World | str = "training",
         learner: int = 0,
-        teammates: str | PlannerFactory = "centralized-mp",
+        teammates: str | MakePlanner = "centralized-mp",
         config: HierarchyConfig | None = None,
         render_mode: str | None = None,
     ) -> None:
@@ -118,16 +125,22 @@ class RendezvousEnv(gym.Env[Any, Any]):
         if not 0 <= learner < count:
             raise ConfigError(f"learner must be the index of a robot, 0 to {count - 1}, got {learner}.")
         self.learner = learner
-        self._factory = hub().planners.entry(teammates).factory() if isinstance(teammates, str) else teammates
-        self._skills = make_skills(self.episode.team)
+        if isinstance(teammates, str):
+            parse_planner(teammates)
         robot = self.episode.team.robots[learner]
         self.observation_space = spaces.Dict(
             {"scan": scan_space(robot), "poses": poses_space(count), "velocity": command_space(robot)}
         )
         self.options = [make_option(given, robot, self.config.budget) for given in self.config.options]
         self.action_space = unit_space(3 if len(self.options) > 1 else 2)
-        self._told = _Told(self.config.plan_every)
-        self._planners: tuple[tuple[float, float, float, float], list[MetaPlanner]] | None = None
+        self._told = _Told(self.config.plan_every, self.options)
+        own = AgentConfig(planner=lambda _: self._told, control=self.config.control)
+        other = AgentConfig(
+            planner=teammates, control=self.config.teammates_control, preset=self.config.preset,
+            weights=self.config.weights,
+        )  # fmt: skip
+        self._configs = [own if index == learner else other for index in range(count)]
+        self._bounds: Bounds | None = None
         self._agents: list[Agent] = []
         self._running = False
 
@@ -142,11 +155,14 @@ class RendezvousEnv(gym.Env[Any, Any]):
         """
         super().reset(seed=seed)
         self.episode.reset(int(self.np_random.integers(2**62)), (options or {}).get("poses"))
-        task, robots, seed = self.episode.task, self.episode.team.robots, self.episode.seed
-        self._agents = [
-            make_agent(i, skill, planner, task, robots, seed)
-            for i, (skill, planner) in enumerate(zip(self._skills, self._team_planners(), strict=True))
-        ]
+        if self._bounds != self.episode.world.bounds:
+            # planners are told the bounds of their world
+            self._bounds = self.episode.world.bounds
+            self._agents = build_scheduled_agents(
+                self.episode.team, self.episode.schedule, self._configs, self._bounds
+            )
+        for agent in self._agents:
+            agent.reset([self.episode.seed])
         self._told.goal = self._midpoint()
         self._running = True
         return self._view(), {}
@@ -175,10 +191,8 @@ class RendezvousEnv(gym.Env[Any, Any]):
             raise SimulatorError("no episode is running; call reset() first.")
         option = self._choose(action)
         started = option is None or self._may_start(option)
-        learner = self._agents[self.learner]
-        if option is not None:
-            learner.skill = option.skill if started else _STAND
-        learner.plan(self.episode.observe(self.learner))
+        self._told.option = None if option is None else self.options.index(option) if started else STAND
+        self._told.fresh = True
         before = self.episode.steps
         reward, collided = self._drive(option if started else None)
         info: dict[str, Any] = {
@@ -237,20 +251,6 @@ class RendezvousEnv(gym.Env[Any, Any]):
             return steps >= self.config.plan_every
         return bool(option.is_over(self.episode.observe(self.learner), self._told.goal, steps)[0])
 
-    def _team_planners(self) -> list[MetaPlanner]:
-        """Return everybody's planner; built anew only where the world's bounds have changed."""
-        bounds = self.episode.world.bounds
-        if self._planners is None or self._planners[0] != bounds:
-            planners: list[MetaPlanner] = []
-            for i in range(len(self.episode.team)):
-                context = PlannerContext(
-                    team=self.episode.team, agent=i, task=self.episode.task, preset=self.config.preset,
-                    bounds=bounds, weights=self.config.weights,
-                )  # fmt: skip
-                planners.append(self._told if i == self.learner else self._factory(context))
-            self._planners = (bounds, planners)
-        return self._planners[1]
-
     def _midpoint(self) -> Float[Tensor, "1 2"]:
         return self.episode.observe(self.learner).team_poses[..., :2].mean(1)
 
@@ -261,30 +261,32 @@ class RendezvousEnv(gym.Env[Any, Any]):
         )
 
 
-class _Stand(Skill):
-    """Stands still."""
-
-    def act(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
-        """Return zeros."""
-        return torch.zeros_like(observation.velocity)
-
-
-_STAND = _Stand()
-
-
 class _Told(MetaPlanner):
-    """Plans what it is told."""
+    """Decides what it is told, at once.
 
-    goal: Float[Tensor, "b 2"]
+    Attributes:
+        goal: that all robots are to share, world frame, metres.
+        option: index of the option that drives, -1 to stand; None for the learner's own skill.
+        fresh: whether it has been told anew since it decided last.
+    """
 
-    def __init__(self, plan_every: int) -> None:
+    goal: Float[Tensor, "1 2"]
+
+    def __init__(self, plan_every: int, options: Sequence[Option]) -> None:
         self.plan_every = plan_every
+        self.options = options
+        self.option: int | None = None
+        self.fresh = True
 
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the goal set from outside."""
-        return self.goal, Belief(self.goal, self.goal, torch.zeros_like(self.goal))
+        self.fresh = False
+        option = None if self.option is None else torch.tensor([self.option])
+        return Decision(self.goal, certain(self.goal), option)
+
+    def follow(self, observation: Observation, decision: Decision) -> Decision:
+        """Decide anew where it has been told so."""
+        return self.plan(observation, None, EpisodeRng([0])) if self.fresh else decision
 
 
 def _goal(agent: Agent) -> npt.NDArray[np.floating]:

@@ -15,24 +15,26 @@ from typing import Any
 import numpy as np
 import torch
 
-from hpp_framework.agents.hierarchical import Agent
-from hpp_framework.agents.scheduled import Shift, shifts
+from hpp_framework.agents.build import AgentConfig, build_scheduled_agents
+from hpp_framework.config.control_choice import parse_control
 from hpp_framework.config.planner_choice import parameters, parse_planner
 from hpp_framework.config.task_file import make_task
 from hpp_framework.config.team_file import build_team, effective_team, is_team_file, read_team_file
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.planner import PRESETS
+from hpp_framework.core.schedule import Schedule, make_schedule
 from hpp_framework.core.team import Team
 from hpp_framework.core.world import World
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.distances import curve_file, distance_curves, write_bands, write_curves
 from hpp_framework.evaluation.marl_eval import marl_eval_layout
-from hpp_framework.evaluation.rollout import build_agents, run_episodes
+from hpp_framework.evaluation.rollout import Episodes, Watcher, run_episodes
 from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
-from hpp_framework.evaluation.turns import join_agents, least_times
+from hpp_framework.evaluation.turns import least_times
 from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.sim import BACKENDS, make_simulator
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_framework.utils.progress import Progress
@@ -54,6 +56,7 @@ class Experiment:
         worlds: registered worlds or YAML files.
         planners: registered meta-planners, with settings of their own or without, e.g. ``"hpp:keep=0.05"``.
         team: as on the command line, e.g. ``"fetch,freight"``, or a team file.
+        control: control stack of all robots, e.g. ``"terminal-approach:near=1.2,safety-filter"``.
         preset: of the planners.
         backend: ``"batch"`` or ``"sapien"``.
         episodes: a cell.
@@ -69,6 +72,7 @@ class Experiment:
     worlds: tuple[str, ...]
     planners: tuple[str, ...]
     team: str = "fetch,freight"
+    control: str = DEFAULT_CONTROL
     preset: str = "best"
     backend: str = "batch"
     episodes: int = 100
@@ -91,14 +95,21 @@ class Experiment:
             raise ConfigError("name at least one world and one planner.")
 
     def make_team(self) -> Team:
-        """Build everybody."""
+        """Build all robots."""
         if self.members:
             return build_team(self.members, skill=self.skill)
         return parse_team(self.team, skill=self.skill)
 
-    def make_turns(self, team: Team) -> tuple[Shift, ...]:
+    def make_schedule(self, team: Team) -> Schedule:
         """Return who of the team takes part when, and the task that they have then."""
-        return shifts(team, lambda part: make_task(self.task, part.robots, part.ids))
+        return make_schedule(team, lambda part: make_task(self.task, part.robots, part.ids))
+
+    def agent_config(self, planner: str) -> AgentConfig:
+        """Return what the agents of one of the planners have in common."""
+        return AgentConfig(
+            planner=planner, control=self.control, preset=self.preset, settings=self.settings,
+            weights=tuple(map(Path, self.weights)),
+        )  # fmt: skip
 
 
 def read_experiment(file: Path, command: str) -> Experiment:
@@ -151,48 +162,20 @@ def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactor
             raise unknown_name(kind, name, known)
     for planner in experiment.planners:
         parse_planner(planner)
+    parse_control(experiment.control)
     team = experiment.make_team()
-    turns = experiment.make_turns(team)
+    schedule = experiment.make_schedule(team)
     drawn = [draw_episode(experiment, name, factories[name], 0)[0] for name in experiment.worlds]
     configs: dict[str, Any] = {}
     for planner in experiment.planners:
-        agents = make_agents(experiment, planner, team, turns, drawn[0].bounds)
+        agents = build_scheduled_agents(team, schedule, experiment.agent_config(planner), drawn[0].bounds)
         # members with a planner of their own come last: theirs may be called the same
         for member, agent in sorted(zip(team.members, agents, strict=True), key=lambda m: m[0].planner or ""):
-            configs.setdefault(member.planner or planner, parameters(agent.planner))
+            configs.setdefault(member.planner or planner, parameters(agent))
     if experiment.settings and not any(configs.get(name) for name in experiment.planners):
         raise ConfigError(f"no planner has settings, so {', '.join(experiment.settings)} cannot be set.")
     make_simulator(experiment.backend, team.robots).close()
     return configs
-
-
-def make_agents(
-    experiment: Experiment,
-    planner: str,
-    team: Team,
-    turns: Sequence[Shift],
-    bounds: tuple[float, float, float, float],
-    *,
-    seed: int = 0,
-) -> list[Agent]:
-    """Build the agents of one of an experiment's planners.
-
-    Args:
-        experiment: names preset, weights and settings.
-        planner: as the experiment names it.
-        team: everybody.
-        turns: who takes part when.
-        bounds: of the world, metres.
-        seed: of the agents' randomness.
-    """
-    built = [
-        build_agents(
-            team.part(turn.present), planner, turn.task, preset=experiment.preset, bounds=bounds, seed=seed,
-            weights=tuple(map(Path, experiment.weights)), settings=experiment.settings,
-        )
-        for turn in turns
-    ]  # fmt: skip
-    return join_agents(turns, built, len(team))
 
 
 def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = lambda *_: None) -> Summary:
@@ -292,20 +275,43 @@ def _run_group(
 ) -> list[tuple[EpisodeRow, np.ndarray]]:
     experiment, name = cell.experiment, cell.world
     team = experiment.make_team()
-    turns = experiment.make_turns(team)
+    schedule = experiment.make_schedule(team)
     worlds = [drawn[episode][0] for episode in group]
     starts = np.stack([drawn[episode][1] for episode in group])
-    seed = child_seed(experiment.seed, name, group[0])
-    agents = make_agents(experiment, cell.planner, team, turns, worlds[0].bounds, seed=seed)
-    with make_simulator(experiment.backend, team.robots) as simulator:
-        episodes = run_episodes(
-            simulator, worlds, torch.from_numpy(starts).float(), agents, turns,
-            noise=team.noises(experiment.noise), seed=child_seed(experiment.seed, name, group[0], "noise"),
-        )  # fmt: skip
+    episodes = run_drawn(experiment, cell.planner, name, {episode: drawn[episode] for episode in group})
     # the same for every planner
     missing = [i for i, episode in enumerate(group) if episode not in cell.bounds]
-    found = least_times([worlds[i] for i in missing], starts[missing], team, turns)
+    found = least_times([worlds[i] for i in missing], starts[missing], team, schedule)
     cell.bounds.update(zip([group[i] for i in missing], found.tolist(), strict=True))
     bounds = np.array([cell.bounds[episode] for episode in group])
     rows = to_rows(name, cell.planner, group, episodes, bounds)
     return list(zip(rows, distance_curves(episodes), strict=True))
+
+
+def run_drawn(
+    experiment: Experiment,
+    planner: str,
+    world: str,
+    drawn: Mapping[int, tuple[World, np.ndarray]],
+    *,
+    watch: Watcher | None = None,
+) -> Episodes:
+    """Run episodes side by side, whose worlds have the same bounds; each runs as it would alone.
+
+    Args:
+        experiment: names everything else.
+        planner: of its planners.
+        world: of its worlds.
+        drawn: world and start poses by number of episode.
+        watch: looks on.
+    """
+    team = experiment.make_team()
+    schedule = experiment.make_schedule(team)
+    worlds = [pair[0] for pair in drawn.values()]
+    starts = torch.from_numpy(np.stack([pair[1] for pair in drawn.values()])).float()
+    agents = build_scheduled_agents(team, schedule, experiment.agent_config(planner), worlds[0].bounds)
+    with make_simulator(experiment.backend, team.robots) as simulator:
+        return run_episodes(
+            simulator, worlds, starts, agents, schedule, noise=team.noises(experiment.noise),
+            seeds=[child_seed(experiment.seed, world, number) for number in drawn], watch=watch,
+        )  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from hpp_framework.agents.hierarchical import Agent
+from hpp_framework.core.agent import Agent
 from hpp_framework.core.planner import Belief
 from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation, State
@@ -50,7 +50,7 @@ class Recorder:
                 seen=[_array(o.team_poses[i]) for o in observations],
                 scans=[_array(o.scan[i]) for o in observations],
                 goals=[_array(agent.goal[i]) for agent in agents],
-                resting=[bool(agent.resting(o)[i]) for agent, o in zip(agents, observations, strict=True)],
+                resting=[not bool(agent.command[i].any()) for agent in agents],
             )
         )
 
@@ -123,7 +123,7 @@ def _outcome(episodes: Episodes, index: int, period: float) -> dict[str, Any]:
         "time_s": round(done * period, 2) if done >= 0 else None,
         "first_contact_s": round(contact * period, 2) if contact >= 0 else None,
         "collided": bool(episodes.collided[index]),
-        "final_distance_m": round(float(episodes.spread()[index, last]), 3),
+        "final_distance_m": round(float(episodes.spread()[index, last]), 4),
     }
 
 

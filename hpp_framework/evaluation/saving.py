@@ -117,7 +117,7 @@ def _save_cell(one: Experiment, files: Mapping[int, Path], progress: Callable[[i
     factory = resolve_world(one.worlds[0])
     configs = check_experiment(one, {one.worlds[0]: factory})
     done = 0
-    for shown in replay(one, factory, list(files), one.episodes):
+    for shown in replay(one, factory, list(files)):
         for number in shown.recorders:
             which = {"episodes": 1, "episode": number, "of": one.episodes}
             config = folder.record(folder.RUN, {**asdict(one), **which}, configs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,26 +34,6 @@ CROSS = 0.22
 """Half the width of a goal's cross on the floor, metres."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Which:
-    """One episode of an evaluation with the same seed.
-
-    Attributes:
-        episode: its number: same world, same start.
-        of: episodes a cell of that evaluation, to run its whole batch as it was, since random numbers and
-            rounding depend on the batch; 0 runs the episode alone.
-    """
-
-    episode: int = 0
-    of: int = 0
-
-    def __post_init__(self) -> None:
-        if self.episode < 0:
-            raise ConfigError(f"episode must be 0 or more, got {self.episode}.")
-        if self.of and self.episode >= self.of:
-            raise ConfigError(f"there is no episode {self.episode} of {self.of}; the first is 0.")
-
-
 def _nobody(what: str, done: int, total: int) -> None:
     del what, done, total
 
@@ -62,7 +42,7 @@ def showcase(
     experiment: Experiment,
     out: Path,
     *,
-    which: Which | None = None,
+    episode: int = 0,
     say: Callable[[str], None] = print,
     report: Progress = _nobody,
 ) -> dict[str, Any]:
@@ -73,7 +53,7 @@ def showcase(
     Args:
         experiment: one world, one planner.
         out: run folder.
-        which: the episode, by default number 0 alone.
+        episode: its number in an evaluation with the same seed, which runs it in the same way.
         say: called with lines for the user.
         report: is told how far the episode and its film are.
 
@@ -84,33 +64,32 @@ def showcase(
         HppError: if the experiment names something wrong (nothing is written then), or ``out`` holds an
             evaluation or cannot be written.
     """
-    which = which or Which()
+    if episode < 0:
+        raise ConfigError(f"episode must be 0 or more, got {episode}.")
     experiment = replace(
         experiment, worlds=experiment.worlds[:1], planners=experiment.planners[:1], episodes=1
     )
     factories = {experiment.worlds[0]: resolve_world(experiment.worlds[0])}
     configs = check_experiment(experiment, factories)
-    config = folder.record(folder.RUN, {**asdict(experiment), **asdict(which)}, configs)
+    config = folder.record(folder.RUN, {**asdict(experiment), "episode": episode}, configs)
     folder.open_run(out, config)
     factory = factories[experiment.worlds[0]]
     report(RUNNING, 0, 1)
-    (shown,) = replay(experiment, factory, [which.episode], which.of)
+    (shown,) = replay(experiment, factory, [episode])
     report(RUNNING, 1, 1)
     return _write(shown, config, out, say, report)
 
 
-def recorded_episode(file: Path) -> Which:
+def recorded_episode(file: Path) -> int:
     """Return which episode a ``config.json`` of ``hpp run`` describes.
 
     Raises:
-        ConfigError: if the file is damaged, or the numbers are none.
+        ConfigError: if the file is damaged, or the number is none.
     """
-    found = read_json(file)
-    # older versions had no other than episode 0 alone
-    episode, of = (found.get(name, 0) for name in ("episode", "of"))
-    if type(episode) is not int or type(of) is not int:
-        raise ConfigError(f"'{file}' is damaged: episode and of must be whole numbers, got {episode}, {of}.")
-    return Which(episode=episode, of=of)
+    episode = read_json(file).get("episode", 0)
+    if type(episode) is not int:
+        raise ConfigError(f"'{file}' is damaged: episode must be a whole number, got {episode}.")
+    return episode
 
 
 def _write(

@@ -13,13 +13,13 @@ from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.journeys import Journeys, Progress, draw_journeys
 from hpp_framework.evaluation.skill_score import SkillRow, SkillScore, score
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
-from hpp_framework.perception.sensing import Sensing
 from hpp_framework.sim import make_simulator
 from hpp_framework.sim.simulator import Simulator
-from hpp_framework.utils.seeding import torch_rng
+from hpp_framework.utils.seeding import child_seed
 
 CHUNK = {"batch": 250, "sapien": 10}
 """Episodes that run side by side."""
@@ -146,18 +146,15 @@ def drive_journeys(
         progress: called with the number of steps done.
     """
     goal = journeys.goals[wanted]
-    state = simulator.reset(journeys.worlds[wanted], journeys.poses[wanted])
-    sensing = Sensing(
-        simulator.robots, trial.noise, torch_rng(trial.seed, "sensing", wanted.start), keyframes=0
-    )
-    sensing.reset(state)
+    batch = EpisodeBatch(simulator, noise=trial.noise, keyframes=0)
+    seeds = [child_seed(trial.seed, trial.world, number) for number in range(wanted.start, wanted.stop)]
+    batch.begin(journeys.worlds[wanted], journeys.poses[wanted], seeds)
     done = torch.full((len(goal),), -1)
     dwelt = torch.zeros(len(goal), dtype=torch.int64)
     touched = torch.zeros(len(goal), dtype=torch.bool)
-    places = [state.poses[:, 0, :2].clone()]
+    places = [batch.state.poses[:, 0, :2].clone()]
     for step in range(1, trial.steps + 1):
-        state = simulator.step(skill.act(sensing.observe(0), goal)[:, None])
-        sensing.update(state)
+        state = batch.step(skill.act(batch.observe(0), goal)[:, None])
         places.append(state.poses[:, 0, :2].clone())
         touched |= state.collided[:, 0] & (done < 0)
         near = (places[-1] - goal).norm(dim=1) < ARRIVAL.goal_radius

@@ -46,7 +46,7 @@ def draw_tasks(out: Path, shown: Sequence[Experiment], *, side: int = SIDE) -> P
 
 def _ended(experiment: Experiment, side: int) -> Image:
     """Return a picture of how an episode ended."""
-    (ran,) = replay(experiment, resolve_world(experiment.worlds[0]), [0], 0)
+    (ran,) = replay(experiment, resolve_world(experiment.worlds[0]), [0])
     last = int(ran.episodes.last_step()[0])
     poses = ran.episodes.poses[0, : last + 1].double().numpy()
     world = ran.worlds[0]

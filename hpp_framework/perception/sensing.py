@@ -15,6 +15,7 @@ from hpp_framework.core import geometry
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import Lidar, RobotSpec
 from hpp_framework.core.types import Keyframes, Observation, State
+from hpp_framework.utils.seeding import EpisodeRng
 
 HISTORY = 5
 """Entries of history that every observation holds (paper, appendix C.3: H = 5)."""
@@ -41,7 +42,6 @@ class Sensing:
     Args:
         robots: the team.
         noise: disturbances, the same for all or one for each robot as it observes.
-        rng: source of the noise.
         history: entries that observations hold; fewer cost less.
         keyframes: that observations hold, one a second; 0 for none.
 
@@ -54,7 +54,6 @@ class Sensing:
         self,
         robots: Sequence[RobotSpec],
         noise: NoiseModel | Sequence[NoiseModel],
-        rng: torch.Generator,
         *,
         history: int = HISTORY,
         keyframes: int = KEYFRAMES,
@@ -66,7 +65,7 @@ class Sensing:
         self._delays = [each.delay for each in self.noises]
         self.delay = max(self._delays)
         self._reckons = self.delay > 0 or any(each.pose_dropout for each in self.noises)
-        self.rng = rng
+        self.rng = EpisodeRng(())
         self.intensity: Tensor | None = None
         self._poses: Tensor = torch.empty(0)
         self._sent: Tensor = torch.empty(0)
@@ -79,8 +78,14 @@ class Sensing:
         self._key_scans: list[Tensor] = []
         self._until_keyframe = KEYFRAME_EVERY
 
-    def reset(self, state: State) -> None:
-        """Begin histories that repeat the first measurement."""
+    def reset(self, state: State, rng: EpisodeRng) -> None:
+        """Begin histories that repeat the first measurement.
+
+        Args:
+            state: at the start.
+            rng: source of the noise.
+        """
+        self.rng = rng
         poses, scans = self._measure(state)
         self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
         self._sent = poses[:, None].repeat(1, self.delay + 1, 1, 1, 1)
@@ -134,6 +139,31 @@ class Sensing:
             self._key_scans[i] = torch.where(robots[:, None, i, None], scan[:, None], self._key_scans[i])
         self._velocities = state.velocities
 
+    def resume(self, observations: Sequence[Observation], state: State) -> None:
+        """Go on, without noise, from what the agents of other episodes have seen.
+
+        Args:
+            observations: of all robots, in team order.
+            state: of their episodes.
+        """
+        self._poses = torch.stack([seen.poses for seen in observations], 2)
+        self._scans = [seen.scans.clone() for seen in observations]
+        self._velocities = state.velocities
+        kept = [seen.keyframes for seen in observations if seen.keyframes is not None]
+        self.keyframes = kept[0].poses.shape[1] if kept else 0
+        if kept:
+            self._key_poses = torch.stack([each.poses for each in kept], 2)
+            self._key_scans = [each.scans.clone() for each in kept]
+        self._until_keyframe = KEYFRAME_EVERY
+        self._sent = self._poses[:, -1:]
+
+    def keep(self, episodes: Bool[Tensor, "b"]) -> None:
+        """Go on with some of the episodes."""
+        for name in ("_poses", "_velocities", "_sent", "_key_poses"):
+            setattr(self, name, getattr(self, name)[episodes])
+        self._scans = [scan[episodes] for scan in self._scans]
+        self._key_scans = [scan[episodes] for scan in self._key_scans]
+
     def observe(self, agent: int) -> Observation:
         """Return what one agent knows."""
         return Observation(
@@ -169,7 +199,7 @@ class Sensing:
         arrived = torch.ones(came.shape[:3], dtype=torch.bool, device=came.device)
         if any(lost_shares):
             share = self._scaled(measured.new_tensor(lost_shares)[:, None], measured[..., 0])
-            arrived = torch.rand(measured.shape[:3], generator=self.rng).to(measured) >= share
+            arrived = self.rng.uniform(*measured.shape[1:3]).to(measured) >= share
         new = arrived[:, None]
         self._heard = torch.where(new[..., None], _push(self._heard, came), self._heard)
         self._heard_at = torch.where(new, _push(self._heard_at, sent_at), self._heard_at)
@@ -191,7 +221,7 @@ class Sensing:
             hit = scan < robot.lidar.max_range
             scan = torch.where(hit, scan + self._scaled(std, scan) * self._normal(scan), scan)
         if noise.dropout:
-            lost = torch.rand(scan.shape, generator=self.rng).to(scan) < self._scaled(noise.dropout, scan)
+            lost = self.rng.uniform(*scan.shape[1:]).to(scan) < self._scaled(noise.dropout, scan)
             scan = scan.masked_fill(lost, robot.lidar.max_range)
         return scan.clamp(robot.lidar.min_range, robot.lidar.max_range)
 
@@ -201,7 +231,7 @@ class Sensing:
         return self.intensity.to(like).reshape(-1, *[1] * (like.dim() - 1)) * strength
 
     def _normal(self, like: Tensor) -> Tensor:
-        return torch.randn(like.shape, generator=self.rng).to(like)
+        return self.rng.normal(*like.shape[1:]).to(like)
 
 
 def _push(entries: Tensor, newest: Tensor) -> Tensor:

@@ -17,8 +17,7 @@ from torch import Tensor
 
 from hpp_framework.config.settings import altered
 from hpp_framework.core.option import BUDGET, Option, anywhere
-from hpp_framework.core.planner import Belief, PlannerContext
-from hpp_framework.core.policy import Policy
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner, PlannerContext
 from hpp_framework.core.predictor import Imagine, Predictor, PredictorRequest
 from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation, Trajectories
@@ -26,6 +25,7 @@ from hpp_framework.perception.visibility import clear_way
 from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner, lattice_config
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import EpisodeRng
 
 BLIND = ("empty-world", "constant-velocity")
 """Predictors that know no obstacles."""
@@ -120,16 +120,14 @@ class OptionsBelief(Belief):
     steps: Int[Tensor, "b"] | None = None
 
 
-class OptionsPlanner(Policy):
-    """Asks a planner a skill for its best goal, takes the pair that scores best, and drives with that skill.
+class OptionsPlanner(MetaPlanner):
+    """Asks a planner per skill for its best goal and takes the pair that scores best.
 
     Args:
         options: the skills.
         planners: of the same number, each with a motion model of its skill.
         config: parameters.
     """
-
-    guided = True
 
     def __init__(
         self, options: Sequence[Option], planners: Sequence[LatticePlanner], config: OptionsConfig
@@ -138,20 +136,17 @@ class OptionsPlanner(Policy):
         self.planners = planners
         self.config = config
         self.plan_every = config.lattice.plan_every
-        self._choice = torch.empty(0, dtype=torch.long)
 
     @torch.no_grad()
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the goal of the best pair; the pair before is favoured by ``keep`` until it is over."""
         before = belief if isinstance(belief, OptionsBelief) else None
         parts = before.parts if before else (None,) * len(self.planners)
         plans = [
             planner.plan(observation, part, rng) for planner, part in zip(self.planners, parts, strict=True)
         ]
-        goals = torch.stack([goal for goal, _ in plans], 1)
-        scores = torch.stack([score_of(part) for _, part in plans], 1)
+        goals = torch.stack([plan.goal for plan in plans], 1)
+        scores = torch.stack([score_of(plan.belief) for plan in plans], 1)
         steps = torch.zeros(len(goals), dtype=torch.long, device=goals.device)
         if before is not None and before.choice is not None and before.steps is not None:
             steps = before.steps + self.plan_every
@@ -161,7 +156,7 @@ class OptionsPlanner(Policy):
         choice = torch.where(scores.isneginf().all(1), -1, scores.argmax(1))
         if before is not None and before.choice is not None:
             steps = torch.where((choice == before.choice) & (steps < self.config.budget), steps, 0)
-        return self._decide(choice, steps, goals, [part for _, part in plans])
+        return _decide(choice, steps, goals, [plan.belief for plan in plans])
 
     def _going_on(
         self, observation: Observation, before: OptionsBelief, steps: Int[Tensor, "b"]
@@ -172,43 +167,18 @@ class OptionsPlanner(Policy):
         chosen = before.choice[:, None] == torch.arange(len(self.options), device=steps.device)
         return chosen & ~torch.stack(over, 1)
 
-    def _decide(
-        self,
-        choice: Int[Tensor, "b"],
-        steps: Int[Tensor, "b"],
-        goals: Float[Tensor, "b k 2"],
-        parts: Sequence[Belief],
-    ) -> tuple[Float[Tensor, "b 2"], OptionsBelief]:
-        self._choice = choice
-        rows, column = torch.arange(len(choice)), choice.clamp(min=0)
-        mean = torch.stack([part.mean for part in parts], 1)[rows, column]
-        std = torch.stack([part.std for part in parts], 1)[rows, column]
-        shared = torch.stack([part.goal for part in parts], 1)[rows, column]
-        # a picture has one set of candidates; one episode shows those of its own choice
-        imagination = parts[int(column[0])].imagination
-        belief = OptionsBelief(shared, mean, std, imagination, tuple(parts), choice, steps)
-        return goals[rows, column], belief
 
-    def follow(
-        self, observation: Observation, goal: Float[Tensor, "b 2"], belief: Belief
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Go on with the pair that was chosen."""
-        if isinstance(belief, OptionsBelief) and belief.choice is not None:
-            self._choice = belief.choice
-        return goal, belief
-
-    def command(self, observation: Observation) -> Float[Tensor, "b 2"]:
-        """Return no motion: this planner drives by skills, towards a goal."""
-        return torch.zeros_like(observation.velocity)
-
-    def act(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
-        """Return the commands of the chosen skills; a robot that may start none stands."""
-        commands = self.command(observation)
-        for index, option in enumerate(self.options):
-            chosen = (self._choice == index)[:, None]
-            if bool(chosen.any()):
-                commands = torch.where(chosen, option.skill.act(observation, goal), commands)
-        return commands
+def _decide(
+    choice: Int[Tensor, "b"], steps: Int[Tensor, "b"], goals: Float[Tensor, "b k 2"], parts: Sequence[Belief]
+) -> Decision:
+    rows, column = torch.arange(len(choice)), choice.clamp(min=0)
+    mean = torch.stack([part.mean for part in parts], 1)[rows, column]
+    std = torch.stack([part.std for part in parts], 1)[rows, column]
+    shared = torch.stack([part.goal for part in parts], 1)[rows, column]
+    # a picture has one set of candidates; one episode shows those of its own choice
+    imagination = parts[int(column[0])].imagination
+    belief = OptionsBelief(shared, mean, std, imagination, tuple(parts), choice, steps)
+    return Decision(goals[rows, column], belief, choice)
 
 
 def score_of(belief: Belief) -> Float[Tensor, "b"]:

@@ -54,7 +54,6 @@ PLANNERS: Table = (
         "baselines.rrt_cem:cem",
         "CEM over goals, RRT paths as its motion model (presets: paper, best)",
     ),
-    ("maddpg", "baselines.maddpg:maddpg", "learned end to end (Lowe et al. 2017); uses no skill"),
     ("stubborn", "baselines.scripted:stubborn", "a partner that insists on one goal of its own (x, y)"),
     (
         "route",
@@ -73,6 +72,22 @@ PLANNERS: Table = (
         "an oracle: one hpp for all, and the simulator predicts",
     ),
 )
+POLICIES: Table = (
+    ("maddpg", "baselines.maddpg:maddpg", "learned end to end (Lowe et al. 2017); uses no skill"),
+)
+LAYERS: Table = (
+    (
+        "rotate-to-path",
+        "rotate_to_path:rotate_to_path",
+        "turns a robot round where its path begins behind it",
+    ),
+    ("terminal-approach", "terminal_approach:terminal_approach", "drives the last metres into a gathering"),
+    ("yield-together", "yield_together:yield_together", "slows robots that meet to the speed that is enough"),
+    ("stop-on-success", "stop_on_success:stop_on_success", "stops where braking now fulfils the task"),
+    ("safety-filter", "safety_filter:safety_filter", "keeps a robot off what it sees and has seen"),
+)
+DEFAULT_CONTROL = "rotate-to-path,terminal-approach,yield-together,stop-on-success,safety-filter"
+"""Control stack of all robots unless an experiment or a team file names another."""
 PREDICTORS: Table = (
     ("delta-pose-lidar", "delta_pose_lidar", "the paper's one-step model, rolled out (Eq. 2 and 3)"),
     ("pose-lidar", "pose_lidar", "the paper's ablation: next pose and scan, in world coordinates"),
@@ -91,7 +106,12 @@ LEARNED = ("delta-pose-lidar", "pose-lidar", "delta-general-pose-lidar", "far-si
 
 def register(hub: Hub) -> None:
     """Add the framework's own worlds, planners and predictors."""
-    for registry, package, table in ((hub.worlds, "worlds", WORLDS), (hub.planners, "planning", PLANNERS)):
+    for registry, package, table in (
+        (hub.worlds, "worlds", WORLDS),
+        (hub.planners, "planning", PLANNERS),
+        (hub.policies, "planning", POLICIES),
+        (hub.layers, "control", LAYERS),
+    ):
         for name, source, summary in table:
             registry.add(name, f"hpp_framework.{package}.{source}", summary=summary)
     for name, module, summary in PREDICTORS:

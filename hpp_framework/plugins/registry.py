@@ -223,6 +223,8 @@ class Hub:
     - ``terms``: ``(robots: Sequence[RobotSpec]) -> Term``; keyword parameters are settings
     - ``worlds``: ``(rng: numpy.random.Generator) -> World``
     - ``planners``: ``(context: PlannerContext) -> MetaPlanner``
+    - ``policies``: ``(context: PlannerContext) -> Policy``
+    - ``layers``: ``(context: ControlContext) -> ControlLayer``
     - ``predictors``: ``(request: PredictorRequest) -> Predictor``
     - ``predictor_trainers``: ``(config: PredictorTraining) -> Path``
     - ``skill_trainers``: ``(config: SkillTraining) -> Path``
@@ -238,6 +240,8 @@ class Hub:
     terms: Registry[Any] = _registry("term")
     worlds: Registry[Any] = _registry("world")
     planners: Registry[Any] = _registry("planner")
+    policies: Registry[Any] = _registry("policy")
+    layers: Registry[Any] = _registry("layer")
     predictors: Registry[Any] = _registry("predictor")
     predictor_trainers: Registry[Any] = _registry("predictor trainer")
     skill_trainers: Registry[Any] = _registry("skill trainer")

@@ -23,13 +23,13 @@ from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.team import Team
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, State
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.build import make_skills
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.executor import Report, run_tasks
 from hpp_framework.utils.files import read_json
-from hpp_framework.utils.seeding import numpy_rng, torch_rng
+from hpp_framework.utils.seeding import child_seed, numpy_rng
 from hpp_framework.worlds.pool import WorldPool, build_pool, draw_starts
 
 FORMAT = 1
@@ -237,15 +237,13 @@ def drive(
     everyone = torch.ones(config.chunk, len(team), dtype=torch.bool)
     index = torch.from_numpy(world)
     state = simulator.place(index.to(torch.int32), everyone, starts)
-    source = torch_rng(config.seed, "sensing", part)
-    sensing = Sensing(team.robots, noise or NoiseModel(), source, keyframes=keyframes)
-    sensing.reset(state)
+    batch = EpisodeBatch(simulator, noise=noise, keyframes=keyframes, shared=True)
+    batch.start(state, [child_seed(config.seed, "collect", part, row) for row in range(config.chunk)])
     for step in range(config.steps):
-        seen = [sensing.observe(robot) for robot in range(len(team))]
-        yield Moment(step, state, seen, goals[:, step], index)
+        seen = [batch.observe(robot) for robot in range(len(team))]
+        yield Moment(step, batch.state, seen, goals[:, step], index)
         commands = [skill.act(own, goals[:, step]) for skill, own in zip(skills, seen, strict=True)]
-        state = simulator.advance(torch.stack(commands, 1))
-        sensing.update(state)
+        batch.step(torch.stack(commands, 1))
 
 
 def _simulate(team: Team, config: Collection, index: int) -> dict[str, npt.NDArray[Any]]:

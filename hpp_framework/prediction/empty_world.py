@@ -11,7 +11,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.core import geometry
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.predictor import Predictor, PredictorRequest
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
@@ -19,7 +18,7 @@ from hpp_framework.core.team import Team
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, Trajectories
 from hpp_framework.core.world import World
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.build import make_skills
 from hpp_framework.sim.batch.simulator import BatchSimulator
 
@@ -79,14 +78,13 @@ class _Driver:
         index = torch.zeros(self._episodes, dtype=torch.int32)
         everyone = torch.ones(self._episodes, 1, dtype=torch.bool)
         state = self._simulator.place(index, everyone, poses[:, None], velocities[:, None])
-        sensing = Sensing([self._robot], NoiseModel(), torch.Generator(), keyframes=0)
-        sensing.reset(state)
+        batch = EpisodeBatch(self._simulator, keyframes=0, shared=True)
+        batch.start(state, range(self._episodes))
         out = poses.new_empty(self._episodes, horizon, 3)
         for second in range(horizon):
             for _ in range(STEPS):
-                state = self._simulator.advance(self._skill.act(sensing.observe(0), goals)[:, None])
-                sensing.update(state)
-            out[:, second] = state.poses[:, 0]
+                batch.step(self._skill.act(batch.observe(0), goals)[:, None])
+            out[:, second] = batch.state.poses[:, 0]
         return out
 
 

@@ -99,7 +99,7 @@ def _cell(experiment: Experiment, numbers: dict[str, int], place: Path, say: Say
         about = {"world": world, "planner": planner, "preset": experiment.preset, "team": experiment.team,
                  "backend": experiment.backend, "seed": experiment.seed}  # fmt: skip
         factory = resolve_world(world)
-        for batch in replay(experiment, factory, list(numbers.values()), experiment.episodes):
+        for batch in replay(experiment, factory, list(numbers.values())):
             for number in batch.recorders:
                 save_record(place / f"{number:05d}.npz", batch.record(number, {**about, "episode": number}))
             with replacing(place / WAYS) as temporary, temporary.open("wb") as stream:

@@ -21,10 +21,6 @@ def planner_label(planner: str) -> str:
     choice = parse_planner(planner)
     name = _PLANNERS.get(choice.name, choice.name)
     parts = [choice.preset] if choice.preset else []
-    if not choice.guard:
-        parts.append("guard=false")
-    if choice.guide is not None:
-        parts.append(f"guide={_plain(choice.guide)}")
     parts += [
         "true map" if (key, value) == ("known_map", True) else f"{key}={_plain(value)}"
         for key, value in choice.settings.items()

@@ -50,8 +50,7 @@ def planner_styles(planners: list[str]) -> dict[str, Style]:
     used: set[tuple[int, int]] = set()
     for planner in planners:
         choice = parse_planner(planner)
-        plain = not choice.settings and choice.guard
-        own = _OWN.get((choice.name, choice.preset)) if plain else None
+        own = None if choice.settings else _OWN.get((choice.name, choice.preset))
         if own is not None and own not in used:
             used.add(own)
             styles[planner] = _style(*own)

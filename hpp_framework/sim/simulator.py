@@ -60,6 +60,10 @@ class Simulator(ABC):
             SimulatorError: if a command is not finite or has the wrong shape.
         """
 
+    def advance(self, commands: Float[Tensor, "b n 2"]) -> State:
+        """Do what :meth:`step` does, but the state may be memory that the next step overwrites."""
+        return self.step(commands)
+
     def close(self) -> None:
         """Free what the simulator holds; safe to call twice."""
         return

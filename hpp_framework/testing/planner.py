@@ -11,9 +11,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hpp_framework.agents.hierarchical import make_agent
-from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext
-from hpp_framework.core.privileged import PrivilegedPlanner
+from hpp_framework.agents.build import AgentConfig, build_agents
+from hpp_framework.core.planner import Decision, MetaPlanner, PlannerContext
+from hpp_framework.core.schedule import permanent
 from hpp_framework.core.task import Task
 from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation
@@ -27,29 +27,28 @@ from hpp_framework.testing.purity import (
     check_pure,
     check_rows,
     check_tensor,
-    restored_generators,
 )
 from hpp_framework.testing.report import Report, Rule
 from hpp_framework.testing.scene import EPISODES, Scene, find_teams, make_scene
 from hpp_framework.utils.errors import CheckpointError
+from hpp_framework.utils.seeding import EpisodeRng
 
 PLAN_EVERY = Rule(
     name="plan-every",
     why="agents count control steps down to the next plan; below 1 they never plan again.",
     fix="plan_every: int = 10, at least 1 (control steps of 0.2 s).",
 )
-CENTRALISED = Rule(
-    name="centralised",
+SHARED_RNG = Rule(
+    name="shared-rng",
     why="it decides whether all agents share one source of randomness; text and None are taken for an "
     "answer.",
-    fix="centralised: bool = False and guided: bool = False, or True.",
+    fix="shared_rng: bool = False, or True.",
 )
 BELIEF = Rule(
     name="belief",
     why="the next call gets it back: it is all that a planner may remember, and what figures show.",
-    fix="return goal, Belief(goal=..., mean=..., std=...), each (episodes, 2), std 0 or more; "
-    "certain(goal) if "
-    "there is no doubt.",
+    fix="return Decision(goal, Belief(goal=..., mean=..., std=...)), each (episodes, 2), std 0 or more; "
+    "certain(goal) is a belief without doubt.",
 )
 OUTSIDE = Rule(
     name="goal-outside",
@@ -60,7 +59,7 @@ OUTSIDE = Rule(
 )
 TASK = "rendezvous"
 """The task of commands."""
-RULES = (PLAN_EVERY, CENTRALISED, BELIEF, OUTSIDE)
+RULES = (PLAN_EVERY, SHARED_RNG, BELIEF, OUTSIDE)
 
 Factory = Callable[[PlannerContext], MetaPlanner]
 SIGNATURE = "(context: PlannerContext) -> MetaPlanner"
@@ -102,10 +101,7 @@ def check_planner(
     if context is not None and made is not None:
         scene = make_scene(context.team)
         _check_attributes(report, made)
-        # privileged ones plan nowhere but in episodes
-        fine = isinstance(made, PrivilegedPlanner) or _check_plans(
-            report, made, scene.observations[0], context
-        )
+        fine = _check_plans(report, made, scene.observations[0], context)
         if fine and source.factory is not None:
             with report.guarded("plan()", f"in an episode of {STEPS} control steps"):
                 _check_episode(report, source.factory, scene, context)
@@ -153,13 +149,12 @@ def _check_attributes(report: Report, planner: MetaPlanner) -> None:
     every: Any = planner.plan_every
     fine = isinstance(every, int) and not isinstance(every, bool) and every >= 1
     report.require(fine, PLAN_EVERY, "plan_every", f"is {every!r}.")
-    for name in ("centralised", "guided"):
-        value = getattr(planner, name)
-        report.require(isinstance(value, bool), CENTRALISED, name, f"is {value!r}, neither True nor False.")
+    value: Any = planner.shared_rng
+    report.require(isinstance(value, bool), SHARED_RNG, "shared_rng", f"is {value!r}, not True or False.")
 
 
-def _rng() -> torch.Generator:
-    return torch.Generator().manual_seed(11)
+def _rng(count: int = EPISODES) -> EpisodeRng:
+    return EpisodeRng(range(11, 11 + count))
 
 
 @torch.no_grad()
@@ -170,47 +165,33 @@ def _check_plans(report: Report, planner: MetaPlanner, seen: Observation, contex
         "plan()",
         lambda: planner.plan(seen, None, _rng()),
         seen,
-        lambda: planner.plan(other, None, _rng()),
+        lambda: planner.plan(other, None, _rng(2)),
     )
     if answer is None or not _check_answer(report, "plan()", answer, context):
         return False
-    goal, belief = answer
+    decision: Decision = answer
+    belief = decision.belief
     with report.guarded("plan()", "with the belief that it returned"):
         again: Any = check_pure(
             report, "plan() with a belief", lambda: planner.plan(seen, belief, _rng()), seen, lent=belief
         )
         if again is None or not _check_answer(report, "plan() with a belief", again, context):
             return False
-    if not _draws(planner, seen):
-        check_rows(
-            report, "plan()", goal,
-            lambda row: planner.plan(seen.episodes(slice(row, row + 1)), None, _rng())[0],
-            (0, EPISODES - 1), ROUNDED,
-        )  # fmt: skip
+    check_rows(
+        report, "plan()", decision.goal,
+        lambda row: planner.plan(seen.episodes(slice(row, row + 1)), None, EpisodeRng([11 + row])).goal,
+        (0, EPISODES - 1), ROUNDED,
+    )  # fmt: skip
     with report.guarded("follow()"):
-        _check_answer(report, "follow()", planner.follow(seen, goal, belief), context)
+        _check_answer(report, "follow()", planner.follow(seen, decision), context)
     return True
 
 
-def _draws(planner: MetaPlanner, seen: Observation) -> bool:
-    """Return whether a planner draws from its generator; episodes then differ by their place in a batch."""
-    rng = _rng()
-    before = rng.get_state()
-    with restored_generators():
-        planner.plan(seen, None, rng)
-    return not torch.equal(before, rng.get_state())
-
-
 def _check_answer(report: Report, of: str, answer: Any, context: PlannerContext) -> bool:
-    if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Belief):
-        shown = (
-            tuple(type(part).__name__ for part in answer)
-            if isinstance(answer, tuple)
-            else type(answer).__name__
-        )
-        report.add(BELIEF, of, f"returned {shown}, not (goal, Belief).")
+    if not isinstance(answer, Decision):
+        report.add(BELIEF, of, f"returned {type(answer).__name__}, not a Decision.")
         return False
-    goal, belief = answer
+    goal, belief = answer.goal, answer.belief
     fine = check_tensor(report, of, goal, (EPISODES, 2), MEANING)
     for name in ("goal", "mean", "std"):
         value: Any = getattr(belief, name)
@@ -258,9 +239,15 @@ def _check_episode(report: Report, make: Factory, scene: Scene, context: Planner
 
 def _episode(make: Factory, scene: Scene, context: PlannerContext) -> Episodes:
     team = context.team
-    agents = [
-        make_agent(index, skill, make(replace(context, agent=index)), context.task, team.robots, 0)
-        for index, skill in enumerate(make_skills(team))
-    ]
+    config = AgentConfig(planner=lambda own: make(_told(own, context)))
+    agents = build_agents(team, context.task, config, context.bounds)
+    schedule = permanent(context.task, len(team))
     with BatchSimulator(team.robots, threads=1) as simulator:
-        return run_episodes(simulator, [scene.world] * 2, scene.starts[:2], agents, context.task, steps=STEPS)
+        return run_episodes(
+            simulator, [scene.world] * 2, scene.starts[:2], agents, schedule, seeds=(0, 1), steps=STEPS
+        )
+
+
+def _told(own: PlannerContext, context: PlannerContext) -> PlannerContext:
+    """Return a context with the preset and settings that are checked."""
+    return replace(own, preset=context.preset, settings=context.settings)

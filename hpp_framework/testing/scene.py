@@ -12,12 +12,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.team import Member, Team
 from hpp_framework.core.types import Observation
 from hpp_framework.core.world import Box, Cylinder, World
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.registry import Entry, Registry, hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.seeding import torch_rng
@@ -76,12 +75,12 @@ def make_scene(team: Team, *, episodes: int = EPISODES, seed: int = 0) -> Scene:
     top = torch.tensor([[robot.drive.speed[1], robot.drive.turn_rate] for robot in robots])
     commands = top * (torch.rand(episodes, count, 2, generator=rng) - torch.tensor([0.0, 0.5]))
     world = room(robots)
-    sensing = Sensing(robots, NoiseModel(), rng)
     with BatchSimulator(robots, threads=1) as simulator:
-        sensing.reset(simulator.reset([world] * episodes, starts))
+        batch = EpisodeBatch(simulator)
+        batch.begin([world] * episodes, starts, range(episodes))
         for _ in range(WARM_UP):
-            sensing.update(simulator.step(commands))
-    return Scene(team, world, starts, tuple(sensing.observe(index) for index in range(count)))
+            batch.step(commands)
+    return Scene(team, world, starts, tuple(batch.observe(index) for index in range(count)))
 
 
 def find_robots(distribution: str) -> Iterator[RobotSpec]:

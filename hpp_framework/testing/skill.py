@@ -10,14 +10,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.team import Member, Team
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
 from hpp_framework.core.world import World
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.testing.build import WEIGHTS, Source, build, find_source
@@ -190,12 +189,11 @@ def _check_episode(report: Report, skill: Skill, robot: RobotSpec) -> None:
     nearest = torch.full((len(WAYS),), math.inf)
     left = nearest
     with BatchSimulator([robot, robot], threads=1) as simulator:
-        sensing = Sensing([robot, robot], NoiseModel(), torch.Generator())
-        sensing.reset(simulator.reset([OPEN] * len(WAYS), torch.stack([parked, driven], 1)))
+        batch = EpisodeBatch(simulator)
+        batch.begin([OPEN] * len(WAYS), torch.stack([parked, driven], 1), range(len(WAYS)))
         for _ in range(min(round(seconds / CONTROL_PERIOD), 400)):
-            command = skill.act(sensing.observe(AGENT), goal)
-            state = simulator.step(torch.stack([torch.zeros_like(command), command], 1))
-            sensing.update(state)
+            command = skill.act(batch.observe(AGENT), goal)
+            state = batch.step(torch.stack([torch.zeros_like(command), command], 1))
             left = (state.poses[:, AGENT, :2] - goal).norm(dim=-1)
             nearest = torch.minimum(nearest, left)
     shown = ", ".join(f"{name} {float(d):.1f} m" for name, d in zip(WAYS, left, strict=True))

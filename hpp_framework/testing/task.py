@@ -1,4 +1,4 @@
-"""``check_task``: whether reward, met and done agree, and take whatever planners and evaluations ask."""
+"""``check_task``: whether reward and success agree, and take whatever planners and evaluations ask."""
 
 from __future__ import annotations
 
@@ -37,23 +37,27 @@ CONSTANT = Rule(
 )
 MISLEADS = Rule(
     name="reward-misleads",
-    why="the reward is followed, met() is judged: a team that does what the reward says would never succeed.",
-    fix="a reward that is highest exactly where met() holds; higher is better, so distances count negative.",
+    why="the reward is followed, success() is judged: a team that does what the reward says would never "
+    "succeed.",
+    fix="a reward that is highest exactly where success() holds; higher is better, so distances count "
+    "negative.",
 )
-DONE_UNMET = Rule(
-    name="done-unmet",
-    why="first contact (met) comes before success (done); figures and times rely on it.",
-    fix="done = self.met(poses) & (whatever motion allows).",
+WITHOUT_CONTACT = Rule(
+    name="success-without-contact",
+    why="first contact, success(poses), comes before success(poses, velocities); figures and times rely on "
+    "it.",
+    fix="near = ...; return near if velocities is None else near & (whatever motion allows).",
 )
-NEVER_DONE = Rule(
-    name="never-done",
+NEVER_SUCCEEDS = Rule(
+    name="never-succeeds",
     why="no episode could succeed.",
-    fix="a done() that holds where met() does and nobody moves.",
+    fix="a success() that holds with velocities of 0 where it holds without velocities.",
 )
-DONE_DRIVING = Rule(
-    name="done-driving",
-    why="a team that races past each other would count as a success; agents halt where a task is met.",
-    fix="& (relative_speed(poses, velocities) < 0.1) in done(), or halts = False for an objective in motion.",
+SUCCESS_DRIVING = Rule(
+    name="success-driving",
+    why="a team that races past each other would count as a success.",
+    fix="& (relative_speed(poses, velocities) < 0.1) where velocities are told, or halts = False for an "
+    "objective in motion.",
 )
 HEADING_WRAP = Rule(
     name="heading-wrap",
@@ -67,7 +71,7 @@ NAN_HEADING = Rule(
     fix="terms that leave headings out where they are NaN: torch.where(heading.isnan(), 0.0, term).",
 )
 RULES = (
-    SUSTAIN, RADIUS, CONSTANT, MISLEADS, DONE_UNMET, NEVER_DONE, DONE_DRIVING, HEADING_WRAP, NAN_HEADING,
+    SUSTAIN, RADIUS, CONSTANT, MISLEADS, WITHOUT_CONTACT, NEVER_SUCCEEDS, SUCCESS_DRIVING, HEADING_WRAP, NAN_HEADING,
 )  # fmt: skip
 
 SIGNATURE = "(robots: Sequence[RobotSpec]) -> Task"
@@ -149,8 +153,8 @@ def _check_answers(report: Report, task: Task, count: int, rng: torch.Generator)
     still = torch.zeros(4, count, 2)
     calls: dict[str, tuple[Callable[[Any, Any], Any], torch.dtype]] = {
         "reward()": (lambda at, _: task.reward(at), torch.float32),
-        "met()": (lambda at, _: task.met(at), torch.bool),
-        "done()": (task.done, torch.bool),
+        "success(poses)": (lambda at, _: task.success(at), torch.bool),
+        "success()": (task.success, torch.bool),
     }
     fine = True
     for of, (call, dtype) in calls.items():
@@ -175,16 +179,16 @@ def _check_answers(report: Report, task: Task, count: int, rng: torch.Generator)
     with report.guarded("trajectory_reward()"):
         value = task.trajectory_reward(_random(rng, 4, 5, count))
         check_tensor(report, "trajectory_reward()", value, (4,), "(episodes,), the times summed up")
-    _check_places(report, task, poses)
+    _check_targets(report, task, poses)
     return fine
 
 
-def _check_places(report: Report, task: Task, poses: Float[Tensor, "b n 3"]) -> None:
+def _check_targets(report: Report, task: Task, poses: Float[Tensor, "b n 3"]) -> None:
     goals = poses[:, 0, :2] + 1.0
-    places = check_pure(report, "places()", lambda: task.places(goals, poses), (), lent=(goals, poses))
-    if places is not None:
-        shape = (len(poses), poses.shape[1], 2)
-        check_tensor(report, "places()", places, shape, "(episodes, robots, [x, y])")
+    targets = check_pure(report, "targets()", lambda: task.targets(goals, poses), (), lent=(goals, poses))
+    if targets is not None:
+        shape = (*poses.shape[:2], 2)
+        check_tensor(report, "targets()", targets[..., :2], shape, "(episodes, robots, [x, y, heading])")
 
 
 @torch.no_grad()
@@ -216,7 +220,7 @@ def _check_headings(report: Report, task: Task, count: int, rng: torch.Generator
 
 @torch.no_grad()
 def _check_agreement(report: Report, task: Task, count: int, rng: torch.Generator) -> None:
-    """Follow the reward from several starts, and compare where it leads with what met() and done() say."""
+    """Follow the reward from several starts, and compare where it leads with what success() says."""
     everywhere = _random(rng, 1024, count)
     rewards = task.reward(everywhere)
     if float(rewards.max() - rewards.min()) == 0:
@@ -225,13 +229,13 @@ def _check_agreement(report: Report, task: Task, count: int, rng: torch.Generato
         )
     crowd = climb(task, count, rng)
     flat = crowd.flatten(0, 1)
-    found, reward = task.met(flat), task.reward(flat)
+    found, reward = task.success(flat), task.reward(flat)
     best = crowd[:, 0]
-    if not bool(task.met(best).any()):
+    if not bool(task.success(best).any()):
         report.add(
             MISLEADS, "reward()",
             f"leads to {[[round(v, 1) for v in p] for p in best[0].tolist()]} with a reward of "
-            f"{float(reward.max()):.3g}, where met() is false, and to nothing better from {RESTARTS} starts.",
+            f"{float(reward.max()):.3g}, where success() is false, and to nothing better from {RESTARTS} starts.",
         )  # fmt: skip
     _check_done(report, task, torch.cat([everywhere, flat]), flat[found], rng)
 
@@ -243,26 +247,30 @@ def _check_done(
     met: Float[Tensor, "m n 3"],
     rng: torch.Generator,
 ) -> None:
-    done = task.done(poses, torch.zeros_like(poses[..., :2]))
-    wrong = int((done & ~task.met(poses)).sum())
+    done = task.success(poses, torch.zeros_like(poses[..., :2]))
+    wrong = int((done & ~task.success(poses)).sum())
     report.require(
-        wrong == 0, DONE_UNMET, "done()", f"holds for {wrong} of {len(poses)} team poses that are not met."
-    )
+        wrong == 0, WITHOUT_CONTACT, "success()",
+        f"holds at rest for {wrong} of {len(poses)} team poses, but not without velocities.",
+    )  # fmt: skip
     if len(met) == 0:
         return
-    at_rest = task.done(met, torch.zeros_like(met[..., :2]))
+    at_rest = task.success(met, torch.zeros_like(met[..., :2]))
     if not report.require(
-        bool(at_rest.any()), NEVER_DONE, "done()", f"is false for all of {len(met)} met team poses at rest."
+        bool(at_rest.any()),
+        NEVER_SUCCEEDS,
+        "success()",
+        f"is false at rest for all of {len(met)} team poses.",
     ):
         return
     # every robot at 1 to 2 m/s, to and fro
     speed = 1 + torch.rand(*met.shape[:-1], 2, generator=rng)
-    driving = task.done(met, speed * (2.0 * torch.randint(0, 2, speed.shape, generator=rng) - 1))
+    driving = task.success(met, speed * (2.0 * torch.randint(0, 2, speed.shape, generator=rng) - 1))
     if task.halts and bool(driving[at_rest].all()):
         report.add(
-            DONE_DRIVING,
-            "done()",
-            f"holds for all of {int(at_rest.sum())} met team poses at 1 to 2 m/s and rad/s.",
+            SUCCESS_DRIVING,
+            "success()",
+            f"holds for all of {int(at_rest.sum())} fulfilled team poses at 1 to 2 m/s and rad/s.",
         )
 
 

@@ -139,7 +139,7 @@ class _Film:
         decision = self.decided.get((mind.agent, plan.step)) if plan is not None else None
         if decision is None:
             return [f"{mind.own.id}: has no goal yet", ""]
-        deed = "rests: close enough" if mind.own.resting[step] else _deed(decision)
+        deed = "stands" if mind.own.resting[step] else _deed(decision)
         return [f"{mind.own.id} {deed}", _scores(decision)]
 
 

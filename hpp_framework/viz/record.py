@@ -72,7 +72,7 @@ class AgentRecord:
         seen: everybody's poses as the agent observed them.
         scans: own lidar, metres.
         goals: of the skill.
-        resting: whether the agent halted because that fulfils the task.
+        resting: whether the agent commanded no motion.
         plans: in the order of their steps.
     """
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.core.robot import RobotSpec
-from hpp_framework.core.task import Settling, Task, relative_speed
+from hpp_framework.core.task import Task, Terminal, any_heading, relative_speed
 from hpp_tasks.parking import spots
 
 MARGIN = 0.25
@@ -63,19 +63,19 @@ class Rendezvous(Task):
         one, other = torch.triu_indices(poses.shape[-2], poses.shape[-2], 1, device=poses.device)
         # components, not vectors: norms over an axis of two are slow
         apart = torch.hypot(x[..., one] - x[..., other], y[..., one] - y[..., other])
-        return apart.sum(-1).mul_(-2.0).masked_fill_(self.met(poses), 0.0)
+        return apart.sum(-1).mul_(-2.0).masked_fill_(self.success(poses), 0.0)
 
-    def parking(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"] | None:
-        """Return a spot around the goal for each robot of three and more; two on one way meet anyway."""
+    ) -> Float[Tensor, "*c n 3"] | None:
+        """Return a spot around the goal for each robot of three and more; two on one path meet anyway."""
         count = poses.shape[-2]
         if count < 3:
             return None
         width = 2 * (self.radius - MARGIN) * math.sin(math.pi / count)
-        return spots(goals, poses, self.radius - SPARE, width + APART)
+        return any_heading(spots(goals, poses, self.radius - SPARE, width + APART))
 
-    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
+    def terminal(self, poses: Float[Tensor, "b n 3"]) -> Terminal | None:
         """Return the middles of teams that have nearly gathered."""
         count = poses.shape[-2]
         if count < 2:
@@ -83,24 +83,16 @@ class Rendezvous(Task):
         middle = poses[..., :2].mean(-2)
         nearly = NEARLY_OF_TWO if count == 2 else NEARLY
         near = (poses[..., :2] - middle[..., None, :]).norm(dim=-1).amax(-1) < self.radius + nearly
-        return Settling(near, middle, 0.0 if count == 2 else self.radius + CLEAR)
+        return Terminal(near, middle, 0.0 if count == 2 else self.radius + CLEAR)
 
-    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
-        """Return everybody's spot around the middle, looking anywhere; of two, the middle."""
-        spots = self.parking(middle, poses)
-        if spots is None:
-            spots = middle[:, None].expand(-1, poses.shape[1], -1)
-        return torch.cat([spots, torch.full_like(spots[..., :1], math.nan)], -1)
-
-    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
-        """Return whether everybody is within ``radius`` of the centre."""
+    def success(
+        self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"] | None = None
+    ) -> Bool[Tensor, "*b"]:
+        """Return whether all are within ``radius`` of the centre, and no two move against each other."""
         x, y = poses[..., 0], poses[..., 1]
         squared = (x - x.mean(-1, keepdim=True)).square() + (y - y.mean(-1, keepdim=True)).square()
-        return squared.amax(-1) < self.radius**2
-
-    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
-        """Return whether everybody is close and no two robots move apart or together faster than 0.1 m/s."""
-        return self.met(poses) & (relative_speed(poses, velocities) < REST_SPEED)
+        near = squared.amax(-1) < self.radius**2
+        return near if velocities is None else near & (relative_speed(poses, velocities) < REST_SPEED)
 
 
 class AccumulatedDistance(Rendezvous):

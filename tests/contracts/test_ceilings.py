@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 import torch
+from hpp_framework.core.privileged import Truth
 
 from hpp_framework.agents.hierarchical import Agent
 from hpp_framework.control.stop_on_success import Rest
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext
 from hpp_framework.core.predictor import Predictor
-from hpp_framework.core.privileged import Truth
 from hpp_framework.core.types import Trajectories
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
 from hpp_framework.evaluation.rollout import build_agents, run_episodes

@@ -21,16 +21,18 @@ from hpp_framework.evaluation.experiment import Experiment, run_experiment
 
 FILE = Path(__file__).with_name("episodes.npz")
 EPISODES, SEED = 8, 7
+FULL = "rotate-to-path,terminal-approach,yield-together,stop-on-success,safety-filter"
+STOP = "stop-on-success:beyond=0,safety-filter"
 CELLS: dict[str, dict[str, str]] = {
     "wall": {"world": "wall", "planner": "hpp"},
     "navigation": {"world": "navigation", "planner": "hpp"},
     "roundabout": {"world": "real-roundabout", "planner": "hpp"},
-    "paper": {"world": "wall", "planner": "hpp:preset=paper"},
-    "other-agent": {"world": "navigation", "planner": "centralized-oa"},
-    "midpoint": {"world": "real-forest", "planner": "centralized-mp"},
-    "rrt": {"world": "real-wall", "planner": "rrt-mp"},
-    "maddpg": {"world": "simple", "planner": "maddpg"},
-    "stubborn": {"world": "navigation", "planner": "stubborn:x=1:y=2"},
+    "paper": {"world": "wall", "planner": "hpp:preset=paper", "control": STOP},
+    "other-agent": {"world": "navigation", "planner": "centralized-oa", "control": STOP},
+    "midpoint": {"world": "real-forest", "planner": "centralized-mp", "control": STOP},
+    "rrt": {"world": "real-wall", "planner": "rrt-mp", "control": STOP},
+    "maddpg": {"world": "simple", "planner": "maddpg", "control": STOP},
+    "stubborn": {"world": "navigation", "planner": "stubborn:x=1:y=2", "control": STOP},
     "three": {"world": "wall", "planner": "hpp", "team": "fetch,freight,fetch"},
     "four": {"world": "wall", "planner": "hpp", "team": "fetch,freight,fetch,freight"},
     "handover": {"world": "wall", "planner": "hpp", "task": "handover"},
@@ -64,7 +66,8 @@ def record(cell: str, out: Path) -> dict[str, np.ndarray]:
     run_experiment(
         Experiment(
             worlds=(named["world"],), planners=(named["planner"],), team=named.get("team", "fetch,freight"),
-            task=named.get("task", "rendezvous"), episodes=EPISODES, seed=SEED,
+            task=named.get("task", "rendezvous"), control=named.get("control", FULL), episodes=EPISODES,
+            seed=SEED,
         ),
         out,
     )  # fmt: skip

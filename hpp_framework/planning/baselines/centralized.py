@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
-from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext, certain
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner, PlannerContext, certain
 from hpp_framework.core.task import Task
 from hpp_framework.core.types import Observation
-from hpp_framework.planning.targets import own_place
+from hpp_framework.planning.targets import own_target
+from hpp_framework.utils.seeding import EpisodeRng
 
 
 class CentralizedMidpoint(MetaPlanner):
@@ -22,12 +21,11 @@ class CentralizedMidpoint(MetaPlanner):
     def __init__(self, task: Task) -> None:
         self.task = task
 
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the own place of the midpoint of the observed poses."""
         goal = observation.team_poses[..., :2].mean(1)
-        return own_place(self.task, goal, observation.team_poses, observation.agent), certain(goal)
+        own = own_target(self.task, goal, observation.team_poses, observation.agent)
+        return Decision(own, certain(goal))
 
 
 class CentralizedOther(MetaPlanner):
@@ -40,14 +38,12 @@ class CentralizedOther(MetaPlanner):
     def __init__(self, task: Task) -> None:
         self.task = task
 
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the own place of the observed position of the next robot."""
         poses = observation.team_poses
         # a copy, since histories may be overwritten in place while the belief lasts
         goal = poses[:, (observation.agent + 1) % poses.shape[1], :2].clone()
-        return own_place(self.task, goal, poses, observation.agent), certain(goal)
+        return Decision(own_target(self.task, goal, poses, observation.agent), certain(goal))
 
 
 class CentralizedRandom(MetaPlanner):
@@ -58,21 +54,20 @@ class CentralizedRandom(MetaPlanner):
         task: the shared objective, which may give each robot a place of its own around a goal.
     """
 
-    centralised = True
+    shared_rng = True
 
     def __init__(self, bounds: tuple[float, float, float, float], task: Task) -> None:
         self.task = task
         self.low = torch.tensor(bounds[:2])
         self.high = torch.tensor(bounds[2:])
 
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the own place of the point drawn at the first call; not guaranteed to be free."""
         if belief is None:
-            draw = torch.rand(len(observation.poses), 2, generator=rng)
+            draw = rng.uniform(2)
             belief = certain((self.low + draw * (self.high - self.low)).to(observation.poses))
-        return own_place(self.task, belief.goal, observation.team_poses, observation.agent), belief
+        own = own_target(self.task, belief.goal, observation.team_poses, observation.agent)
+        return Decision(own, belief)
 
 
 def midpoint(context: PlannerContext) -> CentralizedMidpoint:

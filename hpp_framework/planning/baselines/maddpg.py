@@ -148,8 +148,8 @@ class MaddpgPolicy(Policy):
         self.others = [index for index in order if index != agent]
 
     @torch.no_grad()
-    def command(self, observation: Observation) -> Float[Tensor, "b 2"]:
-        """Return the actor's command."""
+    def act(self, observation: Observation) -> Float[Tensor, "b 2"]:
+        """Return the actor's command [v in m/s, omega in rad/s]."""
         seen = features(observation, self.robot, self.others)
         return to_command(self.actors(seen)[self.role].tanh(), self.robot)
 

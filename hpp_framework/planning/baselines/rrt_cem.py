@@ -11,7 +11,7 @@ from hpp_framework.core.planner import PlannerContext
 from hpp_framework.core.task import Task
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.planning.baselines.rrt import TreeConfig
-from hpp_framework.planning.baselines.rrt_planner import PLAIN, RrtConfig, RrtPlanner, configured, follower
+from hpp_framework.planning.baselines.rrt_planner import PLAIN, RrtConfig, RrtPlanner, configured
 from hpp_framework.planning.baselines.rrt_predictor import MotionConfig, RrtPredictor
 from hpp_framework.planning.hpp.cem import CemConfig
 from hpp_framework.planning.hpp.planner import HppConfig, HppPlanner
@@ -87,7 +87,7 @@ def cem(context: PlannerContext) -> RrtPlanner:
     predictor = RrtPredictor(context.team.as_believed_by(context.agent).robots, config.margin, config.motion)
     task = OverTime(context.task, config.terminal)
     search = HppPlanner(predictor, task, config.search(), config.least_std)
-    planner = follower(search, context, config.following(), predictor)
+    planner = RrtPlanner(search, context, config.following(), predictor)
     planner.config = config
     return planner
 
@@ -97,12 +97,12 @@ class OverTime(Task):
 
     Args:
         task: rewards poses, and says when it is done.
-        terminal: share of the score that is the reward at the end; the rest is its mean over time.
+        at_end: share of the score that is the reward at the end; the rest is its mean over time.
     """
 
-    def __init__(self, task: Task, terminal: float) -> None:
+    def __init__(self, task: Task, at_end: float) -> None:
         self.task = task
-        self.terminal = terminal
+        self.at_end = at_end
 
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
         """Return the reward of team poses."""
@@ -111,24 +111,16 @@ class OverTime(Task):
     def trajectory_reward(self, poses: Float[Tensor, "*b t n 3"]) -> Float[Tensor, "*b"]:
         """Return the reward at the end and on the way, weighed."""
         reward = self.reward(poses)
-        return self.terminal * reward[..., -1] + (1 - self.terminal) * reward.mean(-1)
+        return self.at_end * reward[..., -1] + (1 - self.at_end) * reward.mean(-1)
 
-    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
-        """Return whether the poses alone fulfil the objective."""
-        return self.task.met(poses)
-
-    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
+    def success(
+        self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"] | None = None
+    ) -> Bool[Tensor, "*b"]:
         """Return whether the objective is fulfilled now."""
-        return self.task.done(poses, velocities)
+        return self.task.success(poses, velocities)
 
-    def places(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"] | None:
-        """Return each robot's place."""
-        return self.task.places(goals, poses)
-
-    def parking(
-        self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"] | None:
-        """Return where each robot finds room."""
-        return self.task.parking(goals, poses)
+    ) -> Float[Tensor, "*c n 3"] | None:
+        """Return each robot's target around a shared goal."""
+        return self.task.targets(goals, poses)

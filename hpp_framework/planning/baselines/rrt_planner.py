@@ -16,21 +16,22 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from hpp_framework.config.settings import altered
-from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext
-from hpp_framework.core.privileged import PrivilegedPlanner, Truth
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner, PlannerContext
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.types import Observation
+from hpp_framework.core.world import World
 from hpp_framework.planning.baselines.centralized import CentralizedMidpoint, CentralizedOther
 from hpp_framework.planning.baselines.rrt import TreeConfig, find_path, require_ompl
 from hpp_framework.planning.baselines.rrt_map import Points, room_for, seen_spaces
 from hpp_framework.planning.baselines.rrt_path import SPACING, padded, resampled
 from hpp_framework.planning.baselines.rrt_predictor import RrtPredictor
 from hpp_framework.utils.errors import ConfigError, unknown_name
+from hpp_framework.utils.seeding import EpisodeRng
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
 
 PROGRESS = 2.0
 """Metres of its path that a robot may be found to have gone in one control step."""
-MOST_SEEDS = 2**31 - 1
+MOST_SEEDS = 2**31 - 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,17 +107,17 @@ class RrtPlanner(MetaPlanner):
         self.path = config
         self.config: Any = config
         self.plan_every = config.plan_every
+        self._known: dict[int, tuple[World, FreeSpace]] = {}
 
     @torch.no_grad()
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the first way-point of a new path."""
-        seeds = torch.randint(1, MOST_SEEDS, (len(observation.poses),), generator=rng).tolist()
+        seeds = (1 + rng.integers(MOST_SEEDS)).tolist()
         spaces = self.spaces(observation)
         if self.predictor is not None:
             self.predictor.prepare(spaces, seeds)
-        goals, chosen = self.destination.plan(observation, None, rng)
+        wanted = self.destination.plan(observation, None, rng)
+        goals, chosen = wanted.goal, wanted.belief
         starts, ends = (part.double().cpu().numpy() for part in (observation.pose[:, :2], goals))
         found = [self.route(*problem) for problem in zip(spaces, starts, ends, seeds, strict=True)]
         old = belief if isinstance(belief, RrtBelief) else None
@@ -129,23 +130,41 @@ class RrtPlanner(MetaPlanner):
             path=torch.from_numpy(padded(paths)).to(goals),
             progress=torch.zeros(len(paths), dtype=torch.long),
         )  # fmt: skip
-        return self.follow(observation, goals, renewed)
+        return self.follow(observation, Decision(goals, renewed))
 
-    def follow(
-        self, observation: Observation, goal: Float[Tensor, "b 2"], belief: Belief
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def follow(self, observation: Observation, decision: Decision) -> Decision:
         """Return the way-point ahead of the place that the robot has come to; it never goes back."""
+        belief = decision.belief
         if not isinstance(belief, RrtBelief):
-            return goal, belief
+            return decision
         gone = torch.arange(belief.path.shape[1]) - belief.progress[:, None]
         away = (belief.path - observation.pose[:, None, :2]).norm(dim=-1)
         progress = away.masked_fill((gone < 0) | (gone > PROGRESS / SPACING), torch.inf).argmin(1)
         ahead = (progress + round(self.path.look_ahead / SPACING)).clamp(max=belief.path.shape[1] - 1)
-        return belief.path[torch.arange(len(ahead)), ahead], replace(belief, progress=progress)
+        goal = belief.path[torch.arange(len(ahead)), ahead]
+        return Decision(goal, replace(belief, progress=progress))
 
     def spaces(self, observation: Observation) -> Sequence[FreeSpace]:
-        """Return what the robot knows of free space in each episode."""
-        return seen_spaces(observation, self.robot.lidar, self.bounds)
+        """Return what is known of free space in each episode: the true map, or what the robot has seen.
+
+        Raises:
+            ConfigError: if the true map is wanted where there is none.
+        """
+        if not self.path.known_map:
+            return seen_spaces(observation, self.robot.lidar, self.bounds)
+        privileged = observation.privileged
+        if privileged is None:
+            raise ConfigError(
+                "a planner with known_map=true needs the true map, which only `hpp evaluate` and `hpp run` "
+                "give it. Leave the setting out here."
+            )
+        known, height = self._known, self.robot.height
+        # worlds are kept beside their maps: an identity is not used again while its object lives
+        self._known = {
+            id(world): known.get(id(world)) or (world, free_space(world, body_height=height))
+            for world in privileged.worlds
+        }
+        return [self._known[id(world)][1] for world in privileged.worlds]
 
     def route(self, space: FreeSpace, start: Points, goal: Points, seed: int) -> Points | None:
         """Return a path (p, 2) in one episode, or None if there is none.
@@ -173,35 +192,6 @@ class RrtPlanner(MetaPlanner):
         return None if path is None else np.concatenate([start[None], path])
 
 
-class MapKnowingPlanner(RrtPlanner, PrivilegedPlanner):
-    """The same with the true map, which only those can give who run the episodes."""
-
-    _truth: Truth | None = None
-    _known: dict[int, FreeSpace]
-
-    def witness(self, truth: Truth) -> None:
-        """Take note of the worlds."""
-        if self._truth is None or self._truth.worlds is not truth.worlds:
-            self._known = {}
-        self._truth = truth
-
-    def spaces(self, observation: Observation) -> Sequence[FreeSpace]:
-        """Return the true free space of each episode.
-
-        Raises:
-            ConfigError: if nobody showed the planner the truth.
-        """
-        if self._truth is None:
-            raise ConfigError(
-                "a planner with known_map=true needs the true map, which only `hpp evaluate` and `hpp run` "
-                "show it. Leave the setting out here."
-            )
-        for world in self._truth.worlds:
-            if id(world) not in self._known:
-                self._known[id(world)] = free_space(world, body_height=self.robot.height)
-        return [self._known[id(world)] for world in self._truth.worlds]
-
-
 PLAIN = TreeConfig(tries=1, simplify=False)
 """Trees and paths as LaValle (1998) has them."""
 PRESETS = {"paper": RrtConfig(plan_every=40, snap=False, tree=PLAIN), "best": RrtConfig()}
@@ -213,7 +203,7 @@ def midpoint(context: PlannerContext) -> RrtPlanner:
     Raises:
         ConfigError: if OMPL is not installed.
     """
-    return follower(CentralizedMidpoint(context.task), context, configured("rrt-mp", PRESETS, context))
+    return RrtPlanner(CentralizedMidpoint(context.task), context, configured("rrt-mp", PRESETS, context))
 
 
 def other(context: PlannerContext) -> RrtPlanner:
@@ -222,7 +212,7 @@ def other(context: PlannerContext) -> RrtPlanner:
     Raises:
         ConfigError: if OMPL is not installed.
     """
-    return follower(CentralizedOther(context.task), context, configured("rrt-oa", PRESETS, context))
+    return RrtPlanner(CentralizedOther(context.task), context, configured("rrt-oa", PRESETS, context))
 
 
 Config = TypeVar("Config")
@@ -238,14 +228,3 @@ def configured(name: str, presets: Mapping[str, Config], context: PlannerContext
         raise unknown_name("preset", context.preset, presets)
     owner = f"planner '{name}', preset '{context.preset}'"
     return altered(presets[context.preset], context.settings, owner)
-
-
-def follower(
-    destination: MetaPlanner,
-    context: PlannerContext,
-    config: RrtConfig,
-    predictor: RrtPredictor | None = None,
-) -> RrtPlanner:
-    """Build a planner that knows the true map or does not (see :class:`RrtPlanner`)."""
-    kind = MapKnowingPlanner if config.known_map else RrtPlanner
-    return kind(destination, context, config, predictor)

@@ -18,12 +18,13 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.config.settings import altered
-from hpp_framework.core.planner import Belief, MetaPlanner, PlannerContext, certain
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner, PlannerContext, certain
 from hpp_framework.core.robot import Lidar
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
 from hpp_framework.perception.sensing import lidar_poses
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import EpisodeRng
 
 OPEN = 2.0
 """Metres that a beam must reach for a place along it to be driven to."""
@@ -107,7 +108,15 @@ class WanderConfig:
         _check_positive("wander", reach=self.reach, near=self.near, patience=self.patience)
 
 
-class Stubborn(MetaPlanner):
+class ScriptedPlanner(MetaPlanner):
+    """Looks at no other robot, so that it goes on as before where the team changes."""
+
+    def carry_over(self, belief: Belief) -> Belief:
+        """Return the belief as it is."""
+        return belief
+
+
+class Stubborn(ScriptedPlanner):
     """Keeps the goal that it has at the start; it rests like a teammate when the task is fulfilled.
 
     Args:
@@ -118,8 +127,6 @@ class Stubborn(MetaPlanner):
         ConfigError: if the goal is half given.
     """
 
-    heedless = True
-
     def __init__(self, config: StubbornConfig, lidar: Lidar) -> None:
         # settings are applied one by one, so the config itself cannot tell
         if (config.x is None) != (config.y is None):
@@ -127,18 +134,16 @@ class Stubborn(MetaPlanner):
         self.config = config
         self.lidar = lidar
 
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the goal of the first plan."""
         if belief is not None:
-            return belief.goal, belief
+            return Decision(belief.goal, belief)
         if self.config.x is not None and self.config.y is not None:
             place = observation.pose.new_tensor([self.config.x, self.config.y])
             goal = place.expand(len(observation.pose), 2).clone()
         else:
             goal = place_in_sight(observation, self.lidar, self.config.reach, rng)
-        return goal, certain(goal)
+        return Decision(goal, certain(goal))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +157,7 @@ class UnderWay(Belief):
     count: Int[Tensor, "b"]
 
 
-class Route(MetaPlanner):
+class Route(ScriptedPlanner):
     """Drives way-points one after another.
 
     Args:
@@ -160,23 +165,19 @@ class Route(MetaPlanner):
     """
 
     plan_every = 1
-    heedless = True
-    rests = False
 
     def __init__(self, config: RouteConfig) -> None:
         self.config = config
         self._places = torch.tensor(config.places())
 
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the way-point that comes next."""
         del rng
         places = self._places.to(observation.pose)
         if isinstance(belief, UnderWay):
             passed = _near(observation, belief.goal, self.config.near)
             if not bool(passed.any()):
-                return belief.goal, belief
+                return Decision(belief.goal, belief)
             count = belief.count + passed
         else:
             count = torch.zeros(len(observation.pose), dtype=torch.int64)
@@ -184,7 +185,7 @@ class Route(MetaPlanner):
         return _under_way(places[count], count)
 
 
-class Wander(MetaPlanner):
+class Wander(ScriptedPlanner):
     """Drives from place to place in sight.
 
     Args:
@@ -193,16 +194,12 @@ class Wander(MetaPlanner):
     """
 
     plan_every = 5
-    heedless = True
-    rests = False
 
     def __init__(self, config: WanderConfig, lidar: Lidar) -> None:
         self.config = config
         self.lidar = lidar
 
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the present place, or another where that is reached or the robot has lost patience."""
         fresh = place_in_sight(observation, self.lidar, self.config.reach, rng)
         if not isinstance(belief, UnderWay):
@@ -214,7 +211,7 @@ class Wander(MetaPlanner):
 
 
 def place_in_sight(
-    observation: Observation, lidar: Lidar, reach: float, rng: torch.Generator
+    observation: Observation, lidar: Lidar, reach: float, rng: EpisodeRng
 ) -> Float[Tensor, "b 2"]:
     """Return a random place on a random beam of the present scan, away from what the beam meets.
 
@@ -227,11 +224,11 @@ def place_in_sight(
         rng: of the agent.
     """
     scan = observation.scan
-    lots = torch.rand(scan.shape, generator=rng).to(scan)
+    lots = rng.uniform(scan.shape[1]).to(scan)
     # open beams by lot, all others by length and far behind
     beam = torch.where(scan >= OPEN, lots, scan / lidar.max_range - 2).argmax(1)
     free = (scan.gather(1, beam[:, None])[:, 0] - MARGIN).clamp(NEAREST / 2, max(reach, NEAREST))
-    share = torch.rand(len(scan), generator=rng).to(scan)
+    share = rng.uniform().to(scan)
     distance = torch.minimum(free, NEAREST + share * (free - NEAREST).clamp(min=0))
     seen_from = lidar_poses(lidar, observation.pose)
     heading = seen_from[:, 2] + torch.from_numpy(lidar.angles()).to(scan)[beam]
@@ -261,8 +258,8 @@ def _lidar(context: PlannerContext) -> Lidar:
     return context.team.robots[context.agent].lidar
 
 
-def _under_way(goal: Float[Tensor, "b 2"], count: Int[Tensor, "b"]) -> tuple[Tensor, UnderWay]:
-    return goal, UnderWay(goal, goal, torch.zeros_like(goal), count=count)
+def _under_way(goal: Float[Tensor, "b 2"], count: Int[Tensor, "b"]) -> Decision:
+    return Decision(goal, UnderWay(goal, goal, torch.zeros_like(goal), count=count))
 
 
 def _near(observation: Observation, goal: Float[Tensor, "b 2"], near: float) -> Bool[Tensor, "b"]:

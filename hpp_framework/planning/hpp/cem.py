@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import EpisodeRng
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +50,7 @@ def cross_entropy(
     objective: Callable[[Float[Tensor, "b g d"]], Float[Tensor, "b g"]],
     mean: Float[Tensor, "b d"],
     std: Float[Tensor, "b d"],
-    rng: torch.Generator,
+    rng: EpisodeRng,
     config: CemConfig,
 ) -> CemResult:
     """Maximise an objective, each row of the batch by its own Gaussian.
@@ -63,8 +64,8 @@ def cross_entropy(
     """
     samples = mean[:, None]
     scores = mean.new_zeros(len(mean), 1)
-    shape = (config.iterations, len(mean), config.samples, mean.shape[1])
-    for noise in torch.randn(shape, generator=rng).to(mean):
+    drawn = rng.normal(config.iterations, config.samples, mean.shape[1]).to(mean)
+    for noise in drawn.unbind(1):
         active = std.amax(1, keepdim=True) > config.epsilon
         if not bool(active.any()):
             break

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.core.planner import Belief, Imagination, MetaPlanner
+from hpp_framework.core.planner import Belief, Decision, Imagination, MetaPlanner
 from hpp_framework.core.predictor import Predictor
 from hpp_framework.core.robot import Lidar
 from hpp_framework.core.task import Task
@@ -24,8 +24,9 @@ from hpp_framework.core.types import Observation, Trajectories
 from hpp_framework.perception.occlusion import in_shadow
 from hpp_framework.planning.hpp.best_response import as_one_gaussian, likeliest, moments, pair_rewards
 from hpp_framework.planning.hpp.inference import Evidence, GoalInference
-from hpp_framework.planning.targets import imagine_task, own_place
+from hpp_framework.planning.targets import imagine_task, own_target
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import EpisodeRng
 
 PAIRS = 192
 """Goals of the others times robots that a plan of a larger team weighs, at most."""
@@ -130,8 +131,6 @@ class LatticePlanner(MetaPlanner):
         lidar: of the agent, to tell what lies in shadow; None ignores shadows.
     """
 
-    guided = True
-
     def __init__(
         self, predictor: Predictor, task: Task, config: LatticeConfig, lidar: Lidar | None = None
     ) -> None:
@@ -148,9 +147,7 @@ class LatticePlanner(MetaPlanner):
         )
 
     @torch.no_grad()
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the own place of the best lattice point, or of the present goal while nearly as good."""
         del rng
         goals = self.candidates(observation)
@@ -171,9 +168,9 @@ class LatticePlanner(MetaPlanner):
         goal = goals[torch.arange(len(goals)), choice]
         mean, std = moments(scores / self.config.temperature, goals)
         evidence = Evidence(goals, imagined, likelihood)
-        own = own_place(self.task, goal, observation.team_poses, observation.agent)
+        own = own_target(self.task, goal, observation.team_poses, observation.agent)
         imagination = Imagination(goals, scores, imagined)
-        return own, LatticeBelief(goal, mean, std, imagination, evidence, plans + 1)
+        return Decision(own, LatticeBelief(goal, mean, std, imagination, evidence, plans + 1))
 
     def _scores(
         self,

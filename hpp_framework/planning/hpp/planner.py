@@ -10,15 +10,16 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.config.settings import altered
-from hpp_framework.core.planner import Belief, Imagination, MetaPlanner, PlannerContext
+from hpp_framework.core.planner import Belief, Decision, Imagination, MetaPlanner, PlannerContext
 from hpp_framework.core.predictor import Predictor, PredictorRequest
 from hpp_framework.core.task import Task
 from hpp_framework.core.types import Observation, Trajectories
 from hpp_framework.planning.hpp.cem import CemConfig, cross_entropy
 from hpp_framework.planning.hpp.lattice import LatticePlanner, lattice_config
-from hpp_framework.planning.targets import imagine_task, own_place
+from hpp_framework.planning.targets import imagine_task, own_target
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError, unknown_name
+from hpp_framework.utils.seeding import EpisodeRng
 
 MIN_STD = 0.25
 """Smallest initial standard deviation in metres, so that robots in one row still search to its sides."""
@@ -68,9 +69,7 @@ class HppPlanner(MetaPlanner):
         self.plan_every = config.plan_every
 
     @torch.no_grad()
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the own place of the final Gaussian's mean; each plan starts afresh, as in the paper."""
         del belief
         positions = observation.team_poses[..., :2]
@@ -86,8 +85,8 @@ class HppPlanner(MetaPlanner):
         std = (spread / 2).clamp(min=self.least_std)
         found = cross_entropy(objective, positions.mean(1), std, rng, self.config.cem)
         imagination = Imagination(found.samples, found.scores, seen[0]) if seen else None
-        own = own_place(self.task, found.mean, observation.team_poses, observation.agent)
-        return own, Belief(found.mean, found.mean, found.std, imagination)
+        own = own_target(self.task, found.mean, observation.team_poses, observation.agent)
+        return Decision(own, Belief(found.mean, found.mean, found.std, imagination))
 
 
 MakePredictor = Callable[[str, PlannerContext], Predictor]

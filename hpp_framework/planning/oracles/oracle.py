@@ -1,4 +1,4 @@
-"""Ceilings: planner ``hpp`` with less to suffer from. They are privileged, not decentralised methods.
+"""Oracles: planner ``hpp`` with less to suffer from. They are privileged, not decentralised methods.
 
 - ``full-communication``: everybody tells everybody everything. There is one belief and one goal for all, and
   every robot is predicted by its own model of itself from its own scan. What it reaches beyond ``hpp`` is
@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,31 +18,29 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.core.planner import Belief, PlannerContext
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner, PlannerContext
 from hpp_framework.core.predictor import ImaginePlaces, Predictor
-from hpp_framework.core.privileged import PrivilegedPlanner, PrivilegedPredictor, Truth
+from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation, Trajectories
-from hpp_framework.planning.hpp.planner import hpp, own_predictor
-from hpp_framework.planning.oracles.perfect_model import TruePredictor
-from hpp_framework.planning.targets import own_place
+from hpp_framework.planning.hpp.planner import MakePredictor, hpp, own_predictor
+from hpp_framework.planning.oracles.perfect_model import PerfectModel
+from hpp_framework.planning.targets import own_target
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import EpisodeRng
 
 PERFECT_PLAN_EVERY = 10
 """Control steps between plans by simulation, which are dear; less often than predictions need it, as a
 simulated plan does not turn out wrong."""
 
 
-NOBODY_TO_GUESS: Mapping[str, Mapping[str, Any]] = {
+NOTHING_TO_GUESS: Mapping[str, Mapping[str, Any]] = {
     "best": {"respond": False, "evidence": 0.0, "shadow": 0.0}
 }
 """Settings by preset that switch off the guessing of others' goals and surroundings: where all is shared
 there is nothing to guess, and a goal is scored as what it is, a goal of all."""
 
-MakePrivileged = Callable[[str, PlannerContext], PrivilegedPredictor]
-"""Builds what answers in place of the predictor of a registered name."""
 
-
-class OneMind(PrivilegedPlanner):
+class OneMind(MetaPlanner):
     """Planner ``hpp`` for the whole team: whoever asks first has it plan, and all get one goal and belief.
 
     It plans from the first agent's observed poses.
@@ -51,56 +49,56 @@ class OneMind(PrivilegedPlanner):
         name: registered, for messages.
         context: what a planner is told.
         make_predictor: builds the predictor that it plans with.
+
+    Raises:
+        ConfigError: if the team changes, or one of its robots has another planner.
     """
 
-    centralised = True
+    shared_rng = True
 
-    def __init__(self, name: str, context: PlannerContext, make_predictor: MakePrivileged) -> None:
+    def __init__(self, name: str, context: PlannerContext, make_predictor: MakePredictor) -> None:
+        _check_team(name, context.team)
         self.name = name
         self.task = context.task
-        self._truth: Truth | None = None
-        self._predictors: list[PrivilegedPredictor] = []
-
-        def make(name: str, context: PlannerContext) -> PrivilegedPredictor:
-            self._predictors.append(make_predictor(name, context))
-            return self._predictors[-1]
-
-        settings = {**NOBODY_TO_GUESS.get(context.preset, {}), **context.settings}
-        self.planner = hpp(replace(context, settings=settings), make)
+        settings = {**NOTHING_TO_GUESS.get(context.preset, {}), **context.settings}
+        self.planner = hpp(replace(context, settings=settings), make_predictor)
         self.plan_every = self.planner.plan_every
-        self.guided = self.planner.guided
         self.config: Any = getattr(self.planner, "config", None)
 
-    def witness(self, truth: Truth) -> None:
-        """Take note of the truth of this control step."""
-        self._truth = truth
-
-    def plan(
-        self, observation: Observation, belief: Belief | None, rng: torch.Generator
-    ) -> tuple[Float[Tensor, "b 2"], Belief]:
-        """Return the own place of the whole team's goal.
+    def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
+        """Return the own target of the whole team's goal.
 
         Raises:
-            ConfigError: if nobody showed the planner the truth.
+            ConfigError: if the observation holds nothing privileged.
         """
-        truth = self._truth
-        if truth is None:
+        privileged = observation.privileged
+        if privileged is None:
             raise ConfigError(
-                f"planner '{self.name}' is a ceiling: it needs the true state, which only `hpp evaluate` and "
-                "`hpp run` show it. Use another planner here."
+                f"planner '{self.name}' is an oracle: it needs the true state, which only `hpp evaluate` and "
+                "`hpp run` give it. Use another planner here."
+            )
+        first = replace(privileged.observations[0], privileged=privileged)
+        shared = privileged.once(self.name, lambda: self.planner.plan(first, belief, rng).belief)
+        own = own_target(self.task, shared.goal, first.team_poses, observation.agent)
+        return Decision(own, shared)
+
+
+def _check_team(name: str, team: Team) -> None:
+    """Refuse a team for which one mind cannot plan all the time."""
+    for member in team.members:
+        if member.planner is not None and member.planner.partition(":")[0] != name:
+            raise ConfigError(
+                f"planner '{name}' is an oracle: it plans for the whole team, but '{member.id}' has a "
+                f"planner of its own, '{member.planner}'. Leave out either."
+            )
+        if member.joins_at > 0 or member.leaves_at is not None:
+            raise ConfigError(
+                f"planner '{name}' is an oracle: it plans for the whole team at once, not for one that "
+                "robots join or leave. Leave out either the oracle, or joins_at and leaves_at."
             )
 
-        def decide() -> Belief:
-            for predictor in self._predictors:
-                predictor.truth = truth
-            return self.planner.plan(truth.observations[0], belief, rng)[1]
 
-        shared = truth.once(self.name, decide)
-        poses = truth.observations[0].team_poses
-        return own_place(self.task, shared.goal, poses, observation.agent), shared
-
-
-class PooledPredictor(PrivilegedPredictor):
+class PooledPredictor(Predictor):
     """Asks every robot's own model of itself, with that robot's own observation.
 
     Args:
@@ -115,7 +113,7 @@ class PooledPredictor(PrivilegedPredictor):
         """Imagine the motion of the team as each robot imagines its own."""
         own = [
             predictor.rollout(seen, goals, horizon)
-            for predictor, seen in zip(self.predictors, self.truth.observations, strict=True)
+            for predictor, seen in zip(self.predictors, _observations(observation), strict=True)
         ]
         return _joined(own)
 
@@ -124,12 +122,17 @@ class PooledPredictor(PrivilegedPredictor):
         """Ask every robot's own model for that robot's own places."""
 
         def imagine(places: Float[Tensor, "b g n 2"]) -> Trajectories:
-            pairs = enumerate(zip(self.predictors, self.truth.observations, strict=True))
+            pairs = enumerate(zip(self.predictors, _observations(observation), strict=True))
             return _joined(
                 [predictor.rollout(seen, places[:, :, i], horizon) for i, (predictor, seen) in pairs]
             )
 
         return imagine
+
+
+def _observations(observation: Observation) -> Sequence[Observation]:
+    assert observation.privileged is not None, "only an oracle asks this predictor"
+    return observation.privileged.observations
 
 
 def _joined(own: list[Trajectories]) -> Trajectories:
@@ -141,7 +144,7 @@ def _joined(own: list[Trajectories]) -> Trajectories:
 
 
 def full_communication(context: PlannerContext) -> OneMind:
-    """Build the full-communication twin of ``hpp`` under the context's preset and settings."""
+    """Build the full-communication oracle of ``hpp`` under the context's preset and settings."""
 
     def pooled(name: str, context: PlannerContext) -> PooledPredictor:
         everybody = range(len(context.team))
@@ -153,8 +156,8 @@ def full_communication(context: PlannerContext) -> OneMind:
 def perfect_model(context: PlannerContext) -> OneMind:
     """Build ``hpp`` with the simulator as its predictor; plans every 2 s unless settings say otherwise."""
 
-    def simulated(name: str, context: PlannerContext) -> TruePredictor:
-        return TruePredictor(context.team, context.task, own_predictor(name, context))
+    def simulated(name: str, context: PlannerContext) -> PerfectModel:
+        return PerfectModel(context, own_predictor(name, context), settings["plan_every"])
 
-    settings = {"plan_every": PERFECT_PLAN_EVERY, **context.settings}
+    settings: dict[str, Any] = {"plan_every": PERFECT_PLAN_EVERY, **context.settings}
     return OneMind("perfect-model", replace(context, settings=settings), simulated)

@@ -10,17 +10,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.control.safety_filter import Guard
-from hpp_framework.control.stop_on_success import Rest
-from hpp_framework.control.stopping import SPEED_STEPS
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.agents.policy import one_second_ahead
+from hpp_framework.config.control_choice import make_control
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.rollout import EPISODE_STEPS
-from hpp_framework.perception.sensing import HISTORY, KEYFRAMES, Sensing
 from hpp_framework.planning.baselines.maddpg import features, roles, to_command
 from hpp_framework.sim.batch.simulator import BatchSimulator
-from hpp_framework.utils.seeding import numpy_rng, torch_rng
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.pool import build_pool, draw_starts
 
 
@@ -34,10 +32,7 @@ class Rooms:
         episodes: side by side.
         steps: control steps an episode.
         start_distance: nearest and farthest neighbour at the start, in metres.
-        rest: whether agents rest as they do when they are evaluated (see
-            :class:`hpp_framework.control.stop_on_success.Rest`).
-        guard: whether they have a :class:`hpp_framework.control.safety_filter.Guard`, as they do when they
-            are evaluated.
+        control: control stack of the robots, as they have it when they are judged.
     """
 
     world: str = "training"
@@ -45,8 +40,7 @@ class Rooms:
     episodes: int = 100
     steps: int = EPISODE_STEPS
     start_distance: tuple[float, float] = (1.5, 8.0)
-    rest: bool = True
-    guard: bool = False
+    control: str = "stop-on-success:beyond=0"
 
 
 class Practice:
@@ -64,15 +58,13 @@ class Practice:
         self.task = task
         self.rooms = rooms
         self._rng = numpy_rng(seed, "practice")
-        self._rest = Rest(task, self.robots)
-        self._guards = [Guard(robot) for robot in self.robots] if rooms.guard else []
+        self._control = [
+            make_control(rooms.control, self.robots, index, task) for index in range(len(self.robots))
+        ]
         self._pool = build_pool(rooms.world, rooms.count, self.robots, seed=seed)
         self._simulator = BatchSimulator(self.robots, threads=1)
         self._simulator.load(self._pool.worlds, episodes=rooms.episodes)
-        self._sensing = Sensing(
-            self.robots, NoiseModel(), torch_rng(seed, "sensing"),
-            history=HISTORY if rooms.guard else SPEED_STEPS + 1, keyframes=KEYFRAMES if rooms.guard else 0,
-        )  # fmt: skip
+        self._batch = EpisodeBatch(self._simulator, shared=True)
 
     def begin(self) -> Float[Tensor, "e n f"]:
         """Begin new episodes in worlds drawn anew; returns what everybody sees."""
@@ -80,7 +72,7 @@ class Practice:
         starts = draw_starts(self._pool, world, len(self.robots), self.rooms.start_distance, self._rng)
         everyone = torch.ones(starts.shape[:2], dtype=torch.bool)
         index = torch.from_numpy(world.astype(np.int32))
-        self._sensing.reset(self._simulator.place(index, everyone, starts))
+        self._batch.start(self._simulator.place(index, everyone, starts), range(len(starts)))
         return self._look()
 
     def step(self, actions: Float[Tensor, "e n 2"]) -> tuple[Float[Tensor, "e n f"], Float[Tensor, "e"]]:
@@ -90,22 +82,19 @@ class Practice:
             actions: in [-1, 1].
         """
         commands = [self._command(actions[:, i], i) for i in range(len(self.robots))]
-        state = self._simulator.advance(torch.stack(commands, 1))
-        self._sensing.update(state)
+        state = self._batch.step(torch.stack(commands, 1))
         return self._look(), self.task.reward(state.poses)
 
     def _command(self, action: Float[Tensor, "e 2"], index: int) -> Float[Tensor, "e 2"]:
         """Return what becomes of an agent's action."""
-        seen = self._sensing.observe(index)
+        seen = self._batch.observe(index)
         command = to_command(action, self.robots[index])
-        if self.rooms.rest:
-            command = command.masked_fill(self._rest(seen)[:, None], 0.0)
-        return self._guards[index](seen, command) if self._guards else command
+        return self._control[index].filter(seen, one_second_ahead(seen, command), command)
 
     def _look(self) -> Float[Tensor, "e n f"]:
         count = range(len(self.robots))
         seen = [
-            features(self._sensing.observe(i), robot, [other for other in count if other != i])
+            features(self._batch.observe(i), robot, [other for other in count if other != i])
             for i, robot in enumerate(self.robots)
         ]
         return torch.stack(seen, 1)

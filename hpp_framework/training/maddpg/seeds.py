@@ -14,9 +14,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hpp_framework.agents.hierarchical import make_agent
+from hpp_framework.agents.policy import PolicyAgent
+from hpp_framework.config.control_choice import make_control
 from hpp_framework.config.settings import altered
 from hpp_framework.core.predictor import TrainingProgress
+from hpp_framework.core.schedule import permanent
 from hpp_framework.core.skill import as_pairs
 from hpp_framework.core.task import Task
 from hpp_framework.core.team import Team
@@ -178,7 +180,7 @@ class Judge:
     Args:
         team: everybody.
         task: the shared objective.
-        rooms: the kind of worlds, and whether agents have a guard.
+        rooms: the kind of worlds, and the control stack.
         episodes: how many.
     """
 
@@ -187,7 +189,7 @@ class Judge:
         factory = resolve_world(rooms.world)
         self.team = team
         self.task = task
-        self.guard = rooms.guard
+        self._control = [make_control(rooms.control, team.robots, i, task) for i in range(len(team))]
         self._worlds = [factory(rng) for _ in range(episodes)]
         starts = [torch.from_numpy(spawn_poses(w, team.robots, rng)).float() for w in self._worlds]
         self._starts = torch.stack(starts)
@@ -197,11 +199,17 @@ class Judge:
         robots = self.team.robots
         policies = [MaddpgPolicy(actors, robots, index) for index in range(len(robots))]
         agents = [
-            make_agent(index, each, each, self.task, robots, 0, guard=self.guard)
-            for index, each in enumerate(policies)
+            PolicyAgent(policy, control) for policy, control in zip(policies, self._control, strict=True)
         ]
         with BatchSimulator(robots, threads=1) as simulator:
-            found = run_episodes(simulator, self._worlds, self._starts, agents, self.task)
+            found = run_episodes(
+                simulator,
+                self._worlds,
+                self._starts,
+                agents,
+                permanent(self.task, len(robots)),
+                seeds=range(len(self._worlds)),
+            )
         total = self.task.reward(found.poses[:, 1:]).sum(1).mean()
         return {
             "judged_return": round(float(total), 2),

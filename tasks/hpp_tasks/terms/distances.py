@@ -11,6 +11,7 @@ from torch import Tensor
 
 from hpp_framework.core.requirement import AllOf, Apart, Gathering, Requirement
 from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import any_heading
 from hpp_framework.core.team import robot_index
 from hpp_framework.core.term import Term
 from hpp_framework.utils.errors import ConfigError
@@ -115,15 +116,15 @@ class Spaced(Between):
         widest = max(least, default=0.0) + ROOM
         self.ring = ring(count, widest if widest <= most else (max(least, default=0.0) + most) / 2)
 
-    def places(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"]:
+    ) -> Float[Tensor, "*c n 3"]:
         """Return places on the ring, in the order in which robots stand around their middle.
 
         The ring is turned so that they go the least way.
         """
         off = poses[..., :2] - poses[..., :2].mean(-2, keepdim=True)
-        return goals[..., None, :] + in_order(self.ring, off)
+        return any_heading(goals[..., None, :] + in_order(self.ring, off))
 
 
 def spread(robots: Sequence[RobotSpec]) -> Spread:

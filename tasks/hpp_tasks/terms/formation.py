@@ -14,6 +14,7 @@ from torch import Tensor
 
 from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Requirement
 from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import any_heading
 from hpp_framework.core.term import Term
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_tasks.terms.assignment import MOST_TURNED, nearest_roles, turned_roles
@@ -84,15 +85,16 @@ class Formation(Term):
         missed = off - fitted(self.form, off)
         return torch.hypot(missed[..., 0], missed[..., 1])
 
-    def places(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"]:
+    ) -> Float[Tensor, "*c n 3"]:
         """Return the places of the shape around a goal; roles and turn do not depend on the goal.
 
         The sum of squared distances to places around any point differs from that around the team's centre
         only by what is the same for all roles and turns.
         """
-        return goals[..., None, :] + fitted(self.form, poses[..., :2] - poses[..., :2].mean(-2, keepdim=True))
+        off = poses[..., :2] - poses[..., :2].mean(-2, keepdim=True)
+        return any_heading(goals[..., None, :] + fitted(self.form, off))
 
     def requirement(self, limit: float) -> Requirement:
         """Return how pairs of robots must lie to each other; each may be off by the limit."""

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from hpp_framework.core.geometry import wrap_angle
 from hpp_framework.core.robot import RobotSpec
-from hpp_framework.core.task import Settling
+from hpp_framework.core.task import Terminal
 from hpp_framework.core.team import robot_index
 from hpp_framework.core.term import Term
 from hpp_framework.utils.errors import ConfigError
@@ -43,39 +43,32 @@ class Facing(Term):
         bearing = torch.atan2(other[..., 1] - own[..., 1], other[..., 0] - own[..., 0])
         return wrap_angle(bearing - own[..., 2]).abs().nan_to_num(0.0)
 
-    def places(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"]:
+    ) -> Float[Tensor, "*c n 3"]:
         """Return places on both sides of the goal, each robot on its own; all others stay where they are.
 
-        Skills care for places, not for headings, so the two come to where they can turn to each other
-        (:meth:`settling`).
+        Skills care for places, not for headings. So two that are far apart are sent to where they can turn to
+        each other, and two that are near look at each other from about where they are.
         """
         here = poses[..., self.pair, :2]
         between = here - here.flip(-2)
-        outward = between / between.norm(dim=-1, keepdim=True).clamp(min=1e-6)
-        meant = goals[..., None, :] + outward * ((self.apart + ROOM) / 2)
-        places = poses[..., :2].expand(*meant.shape[:-2], -1, -1).clone()
-        places[..., self.pair, :] = meant
-        return places
+        gap = between.norm(dim=-1, keepdim=True)
+        outward = between / gap.clamp(min=1e-6)
+        near = gap < self.apart + ROOM
+        standing = gap.clamp(self.apart - self.slack, self.apart + self.slack) / 2
+        look = torch.atan2(-outward[..., 1:], -outward[..., :1]).where(near, torch.nan)
+        away = torch.where(near, standing, (self.apart + ROOM) / 2)
+        meant = goals[..., None, :] + outward * away
+        targets = poses.expand(*meant.shape[:-2], -1, -1).clone()
+        targets[..., self.pair, :] = torch.cat([meant, look.expand_as(meant[..., :1])], -1)
+        return targets
 
-    def settling(self, poses: Float[Tensor, "b n 3"]) -> Settling | None:
+    def terminal(self, poses: Float[Tensor, "b n 3"]) -> Terminal:
         """Return the middle between the two where they are near each other."""
         here = poses[:, self.pair, :2]
         gap = (here[:, 0] - here[:, 1]).norm(dim=-1)
-        return Settling(gap < self.apart + ROOM, here.mean(1), self.apart / 2)
-
-    def stances(self, middle: Float[Tensor, "b 2"], poses: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
-        """Return the two looking at each other from about where they are; all others stay as they are."""
-        here = poses[:, self.pair, :2]
-        between = here - here.flip(1)
-        gap = between.norm(dim=-1, keepdim=True)
-        outward = between / gap.clamp(min=1e-6)
-        away = gap.clamp(self.apart - self.slack, self.apart + self.slack) / 2
-        look = torch.atan2(-outward[..., 1:], -outward[..., :1])
-        stances = poses.clone()
-        stances[:, self.pair] = torch.cat([middle[:, None] + outward * away, look], -1)
-        return stances
+        return Terminal(gap < self.apart + ROOM, here.mean(1), self.apart / 2)
 
 
 def facing(

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from hpp_framework.core.requirement import AnyOf, Requirement
 from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.task import any_heading
 from hpp_framework.core.team import robot_index
 from hpp_framework.core.term import Term
 from hpp_tasks.terms.distances import Between
@@ -35,15 +36,15 @@ class Escort(Between):
         self.leader = leader
         self.circle = circle(len(self.followers), (least + most) / 2)
 
-    def places(
+    def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
-    ) -> Float[Tensor, "*c n 2"]:
+    ) -> Float[Tensor, "*c n 3"]:
         """Return the goal itself for the leader, and places around it for the others."""
         around = poses[..., self.followers, :2] - poses[..., self.leader, None, :2]
         stations = goals[..., None, :] + in_order(self.circle, around)
         places = goals[..., None, :].expand(*stations.shape[:-2], poses.shape[-2], -1).clone()
         places[..., self.followers, :] = stations
-        return places
+        return any_heading(places)
 
 
 class Caught(Term):

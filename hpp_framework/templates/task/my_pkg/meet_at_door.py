@@ -14,29 +14,28 @@ from hpp_framework.core.task import Task
 DOOR = (0.0, 5.0)
 """Where the door is, world coordinates in metres."""
 NEAR = 1.0
-"""How near to the door everybody must be, in metres."""
+"""How near to the door all robots must be, in metres."""
 AT_REST = 0.1
 """Speed in m/s below which a robot rests."""
 
 
 class MeetAtDoor(Task):
-    """Everybody near the door, at rest."""
+    """All robots near the door, at rest."""
 
     def distances(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b n"]:
-        """Return everybody's distance from the door in metres."""
+        """Return each robot's distance from the door in metres."""
         return (poses[..., :2] - torch.tensor(DOOR).to(poses)).norm(dim=-1)
 
     def reward(self, poses: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b"]:
-        """Return 0 when everybody is at the door, and less the farther everybody is."""
+        """Return 0 when all robots are at the door, and less the farther they are."""
         return -2 * (self.distances(poses) - NEAR).clamp(min=0).sum(-1)
 
-    def met(self, poses: Float[Tensor, "*b n 3"]) -> Bool[Tensor, "*b"]:
-        """Return whether everybody is near the door."""
-        return (self.distances(poses) < NEAR).all(-1)
-
-    def done(self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"]) -> Bool[Tensor, "*b"]:
-        """Return whether everybody is near the door and rests."""
-        return self.met(poses) & (velocities[..., 0].abs() < AT_REST).all(-1)
+    def success(
+        self, poses: Float[Tensor, "*b n 3"], velocities: Float[Tensor, "*b n 2"] | None = None
+    ) -> Bool[Tensor, "*b"]:
+        """Return whether all robots are near the door, and at rest where their velocities are told."""
+        near = (self.distances(poses) < NEAR).all(-1)
+        return near if velocities is None else near & (velocities[..., 0].abs() < AT_REST).all(-1)
 
 
 def meet_at_door(robots: Sequence[RobotSpec]) -> MeetAtDoor:

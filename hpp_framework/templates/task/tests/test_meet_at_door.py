@@ -36,6 +36,6 @@ def test_it_is_done_when_everybody_rests_there(task):
     x, y = DOOR
     there, one_away = team_at((x + 0.5, y), (x - 0.5, y)), team_at((x, y), (x + 3.0, y))
     resting, driving = torch.zeros(1, 2, 2), torch.ones(1, 2, 2)
-    assert task.done(there, resting).all()
-    assert not task.done(there, driving).any()
-    assert not task.done(one_away, resting).any()
+    assert task.success(there, resting).all()
+    assert not task.success(there, driving).any()
+    assert not task.success(one_away, resting).any()
