@@ -27,6 +27,7 @@ from hpp_framework.perception.sensing import HISTORY, KEYFRAMES
 from hpp_framework.prediction.dataset import Batch, Prepared, collected_team
 from hpp_framework.prediction.library import find_members, load_models
 from hpp_framework.prediction.training import Recipe, constant_velocity_error, train_model
+from hpp_framework.utils.blocks import in_blocks
 from hpp_framework.utils.errors import ConfigError
 
 KIND = "far-sighted"
@@ -205,7 +206,7 @@ class FarSighted(Predictor):
         def imagine(goals: Float[Tensor, "b g 2"]) -> Trajectories:
             features, steady, heading = describe(chart, own, everybody, goals)
             guesses = [
-                model(observation.scan, features[:, i], steady[:, i], heading[:, i])
+                in_blocks(model, observation.scan, features[:, i], steady[:, i], heading[:, i], rows=1)
                 for i, model in enumerate(self.models)
             ]
             xy = torch.stack([guess[0][:, :, :horizon] for guess in guesses], 3)

@@ -21,8 +21,11 @@ from hpp_framework.perception.sensing import HISTORY
 from hpp_framework.prediction import one_step_kernels as kernels
 from hpp_framework.prediction.library import load_models
 from hpp_framework.prediction.one_step import RANGE_CAP, Form, OneStepNetwork, build
+from hpp_framework.utils.blocks import in_blocks
 from hpp_framework.utils.kernels import wp
 
+BLOCK = 8
+"""Episodes whose observations are prepared at a time, so that none depends on how many there are."""
 _ALWAYS = 1 << 30
 
 
@@ -119,7 +122,7 @@ class _Conditioned:
         self._agent = agent
         self._horizon = horizon
         self._history = observation.poses.contiguous()
-        self._base = weights.base(observation.scans, horizon)
+        self._base = in_blocks(lambda scans: weights.base(scans, horizon), observation.scans, rows=BLOCK)
         times = torch.arange(1, horizon + 1, device=self._base.device, dtype=self._base.dtype)
         self._times = times * CONTROL_PERIOD
         self._goals = self._history.new_empty(0, 0, 2)

@@ -71,7 +71,8 @@ NAN_HEADING = Rule(
     fix="terms that leave headings out where they are NaN: torch.where(heading.isnan(), 0.0, term).",
 )
 RULES = (
-    SUSTAIN, RADIUS, CONSTANT, MISLEADS, WITHOUT_CONTACT, NEVER_SUCCEEDS, SUCCESS_DRIVING, HEADING_WRAP, NAN_HEADING,
+    SUSTAIN, RADIUS, CONSTANT, MISLEADS, WITHOUT_CONTACT, NEVER_SUCCEEDS, SUCCESS_DRIVING, HEADING_WRAP,
+    NAN_HEADING,
 )  # fmt: skip
 
 SIGNATURE = "(robots: Sequence[RobotSpec]) -> Task"
@@ -235,7 +236,8 @@ def _check_agreement(report: Report, task: Task, count: int, rng: torch.Generato
         report.add(
             MISLEADS, "reward()",
             f"leads to {[[round(v, 1) for v in p] for p in best[0].tolist()]} with a reward of "
-            f"{float(reward.max()):.3g}, where success() is false, and to nothing better from {RESTARTS} starts.",
+            f"{float(reward.max()):.3g}, where success() is false, and to nothing better from {RESTARTS} "
+            "starts.",
         )  # fmt: skip
     _check_done(report, task, torch.cat([everywhere, flat]), flat[found], rng)
 

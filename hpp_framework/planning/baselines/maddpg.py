@@ -22,12 +22,15 @@ from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task
 from hpp_framework.core.types import Observation
 from hpp_framework.plugins.weights import find_weights, load_checkpoint, load_into, weight_folders
+from hpp_framework.utils.blocks import in_blocks
 from hpp_framework.utils.errors import ConfigError
 
 KIND = "maddpg"
 """Name of the planner, and of the folder its weights lie in."""
 HIDDEN = 64
 """Units of the two hidden layers of actors and critics (appendix C.2)."""
+BLOCK = 32
+"""Episodes that an actor drives at a time, so that none depends on how many there are."""
 REACH = 10.0
 """Metres that distances are divided by, and that ranges are capped at."""
 
@@ -151,7 +154,8 @@ class MaddpgPolicy(Policy):
     def act(self, observation: Observation) -> Float[Tensor, "b 2"]:
         """Return the actor's command [v in m/s, omega in rad/s]."""
         seen = features(observation, self.robot, self.others)
-        return to_command(self.actors(seen)[self.role].tanh(), self.robot)
+        action = in_blocks(lambda rows: self.actors(rows)[self.role], seen, rows=BLOCK)
+        return to_command(action.tanh(), self.robot)
 
 
 def empty_actors(robots: Sequence[RobotSpec], rng: torch.Generator) -> Layers:

@@ -13,8 +13,11 @@ from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.types import Observation
 from hpp_framework.plugins.weights import find_weights, load_checkpoint, load_into, weight_folders
+from hpp_framework.utils.blocks import in_blocks
 from hpp_skills.p2p.network import NetworkShape, PolicyNetwork
 
+BLOCK = 32
+"""Episodes that the network drives at a time, so that none depends on how many there are."""
 WEIGHTS = Path(__file__).parent / "weights"
 
 
@@ -31,7 +34,8 @@ class PointToPoint(Skill):
     @torch.no_grad()
     def act(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
         """Return commands [v in m/s, omega in rad/s]."""
-        return self.network(observation.scan, geometry.polar(observation.pose, goal), observation.velocity)
+        seen = (observation.scan, geometry.polar(observation.pose, goal), observation.velocity)
+        return in_blocks(self.network, *seen, rows=BLOCK)
 
 
 def expected_metadata(robot: RobotSpec) -> dict[str, object]:
