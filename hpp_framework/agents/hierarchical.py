@@ -54,7 +54,7 @@ class HierarchicalAgent(Agent):
 
     def plan(self, observation: Observation) -> Belief:
         """Choose a goal now, whatever the schedule says, and restart the schedule."""
-        decision = self.planner.plan(observation, self.belief, self.rng)
+        self.decision, decision = None, self.planner.plan(observation, self.belief, self.rng)
         self._take(observation, decision)
         self._until_plan = self.planner.plan_every
         return decision.belief

@@ -65,7 +65,7 @@ def parse_planner(text: str) -> PlannerChoice:
 def make_planner(text: str, context: PlannerContext) -> MetaPlanner:
     """Build a planner with the settings of the context and its own.
 
-    Settings of the context reach every planner that has parameters; others are built as they are.
+    Settings of the context reach every planner that has parameters of these names; its own must be known.
 
     Args:
         text: as :func:`parse_planner` reads it.
@@ -85,16 +85,29 @@ def make_policy(text: str, context: PlannerContext) -> Policy:
 def _make(text: str, context: PlannerContext, *, policy: bool) -> Any:
     choice = parse_planner(text)
     registry = hub().policies if policy else hub().planners
-    settings = {**context.settings, **choice.settings}
-    told = replace(context, preset=choice.preset or context.preset, settings=settings)
+    told = replace(context, preset=choice.preset or context.preset, settings=choice.settings)
     made = registry.create(choice.name, told)
+    shared = {name: value for name, value in context.settings.items() if has_setting(made, name)}
+    if shared:
+        told = replace(told, settings={**shared, **choice.settings})
+        made = registry.create(choice.name, told)
     config = getattr(made, "config", None)
     if not is_dataclass(config):
         if choice.settings:
             raise ConfigError(f"planner '{choice.name}' has no settings, but '{text}' gives it some.")
-    elif any(setting(config, name) != value for name, value in settings.items()):
+    elif any(setting(config, name) != value for name, value in told.settings.items()):
         raise ConfigError(f"planner '{choice.name}' does not heed its settings: it has {config}.")
     return made
+
+
+def has_setting(planner: object, name: str) -> bool:
+    """Return whether a planner has a parameter of a dotted name."""
+    part: Any = getattr(planner, "config", None)
+    for key in name.split("."):
+        if not is_dataclass(part) or not hasattr(part, key):
+            return False
+        part = getattr(part, key)
+    return not is_dataclass(part)
 
 
 def parameters(owner: object) -> dict[str, Any] | None:

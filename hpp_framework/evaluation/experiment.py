@@ -17,7 +17,7 @@ import torch
 
 from hpp_framework.agents.build import AgentConfig, build_scheduled_agents
 from hpp_framework.config.control_choice import parse_control
-from hpp_framework.config.planner_choice import parameters, parse_planner
+from hpp_framework.config.planner_choice import has_setting, parameters, parse_planner
 from hpp_framework.config.task_file import make_task
 from hpp_framework.config.team_file import build_team, effective_team, is_team_file, read_team_file
 from hpp_framework.core.disturbances import NoiseModel
@@ -167,13 +167,19 @@ def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactor
     schedule = experiment.make_schedule(team)
     drawn = [draw_episode(experiment, name, factories[name], 0)[0] for name in experiment.worlds]
     configs: dict[str, Any] = {}
+    unknown = dict(experiment.settings)
     for planner in experiment.planners:
         agents = build_scheduled_agents(team, schedule, experiment.agent_config(planner), drawn[0].bounds)
         # members with a planner of their own come last: theirs may be called the same
         for member, agent in sorted(zip(team.members, agents, strict=True), key=lambda m: m[0].planner or ""):
             configs.setdefault(member.planner or planner, parameters(agent))
-    if experiment.settings and not any(configs.get(name) for name in experiment.planners):
-        raise ConfigError(f"no planner has settings, so {', '.join(experiment.settings)} cannot be set.")
+            if member.planner is None:
+                unknown = {name: value for name, value in unknown.items() if not has_setting(agent, name)}
+    if unknown:
+        for planner in experiment.planners:
+            # a planner with parameters says which it has
+            as_own = ":".join([planner, *(f"{name}={value}" for name, value in unknown.items())])
+            build_scheduled_agents(team, schedule, experiment.agent_config(as_own), drawn[0].bounds)
     make_simulator(experiment.backend, team.robots).close()
     return configs
 

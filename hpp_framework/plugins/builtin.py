@@ -44,6 +44,11 @@ WORLDS: Table = (
 PLANNERS: Table = (
     ("hpp", "hpp.planner:hpp", "hierarchical predictive planning (presets: paper, best)"),
     ("hpp-options", "options:options", "hpp that chooses a skill as well as a goal"),
+    (
+        "geodesic-midpoint",
+        "baselines.geodesic:geodesic_midpoint",
+        "where the last robot arrives soonest (by=speed)",
+    ),
     ("centralized-mp", "baselines.centralized:midpoint", "everybody to the midpoint"),
     ("centralized-oa", "baselines.centralized:other", "everybody to another agent"),
     ("centralized-rp", "baselines.centralized:random_point", "everybody to one random point"),
