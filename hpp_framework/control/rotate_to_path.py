@@ -30,7 +30,7 @@ class RotateToPathConfig:
         beginning: metres of a path that tell where it begins.
         back: metres along such a path that the skill is sent first: skills turn round to what is near and
             behind.
-        behind_under_way: the bearing of a robot of two that is under way, which is sent to the beginning of
+        behind_under_way: the bearing for a robot that is under way, which is sent to the beginning of
             the path only: at speed it would go on as before as soon as it has begun to turn to a point
             farther off. A robot at rest turns anyway, and loses time by what is near.
         under_way: metres that a robot has come within ``since`` if it is under way.
@@ -85,9 +85,9 @@ class RotateToPath(ControlLayer):
         return torch.where(behind[:, None], back, waypoint)
 
     def _under_way(self, observation: Observation) -> Bool[Tensor, "b"]:
-        """Return whether the robot is one of two and has come from elsewhere in the last seconds."""
+        """Return whether the robot has come from elsewhere in the last seconds."""
         here = observation.pose[:, :2]
-        if observation.keyframes is None or observation.team_poses.shape[1] != 2:
+        if observation.keyframes is None:
             return torch.zeros_like(here[:, 0], dtype=torch.bool)
         before = observation.keyframes.poses[:, -self.config.since :, observation.agent, :2][:, 0]
         return (here - before).norm(dim=-1) > self.config.under_way

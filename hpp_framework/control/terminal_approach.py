@@ -21,7 +21,7 @@ from torch import Tensor
 
 from hpp_framework.config.settings import altered
 from hpp_framework.control.safety_filter import SafetyFilter
-from hpp_framework.control.stopping import Halting
+from hpp_framework.control.stopping import Halting, motion
 from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.geometry import polar, to_frame, wrap_angle
 from hpp_framework.core.robot import RobotSpec
@@ -29,7 +29,7 @@ from hpp_framework.core.task import Task, any_heading
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
 from hpp_framework.perception.sensing import seen_points
-from hpp_framework.perception.visibility import in_the_way, see_each_other
+from hpp_framework.perception.visibility import all_in_view, in_the_way
 from hpp_framework.utils.errors import ConfigError
 
 LOOKS = 8
@@ -46,36 +46,34 @@ class TerminalApproachConfig:
         near: metres from a spot of its own within which a robot takes over from its skill.
         astray: metres that the middle of a team may be moved by to find room; where there is none that near,
             the skills go on.
-        gap: metres that a robot keeps from a teammate that it passes.
-        gap_of_two: metres that two robots keep that drive at each other, both faster than the other last saw
-            them drive.
+        gap: metres that a robot keeps from a teammate that stands; from one that drives it keeps farther, by
+            as much as that drives in a control period.
         exact: metres at which it is there.
-        slows: radians aside of its path from which on it drives slower.
-        stops: radians from which on it turns on the spot: others may stand beside its path.
-        slows_of_two: the same of two robots near each other: turning while it drives is quicker, and no other
-            robot is there. From afar they do not slow down to turn at all.
-        stops_of_two: the same.
+        slows: radians aside of its path from which on it drives slower: turning while it drives is quicker.
+            From afar it does not slow down to turn at all.
+        stops: radians from which on it turns on the spot.
+        slows_in_crowd: the same where several teammates are near, who may stand beside its path.
+        stops_in_crowd: the same.
         careful: share of the deceleration, driving and turning, that it counts on.
     """
 
     near: float = 1.5
     astray: float = 1.0
     gap: float = 0.04
-    gap_of_two: float = 0.2
     exact: float = 0.03
-    slows: float = 0.0
-    stops: float = 0.5
-    slows_of_two: float = 0.5
-    stops_of_two: float = math.pi / 2
+    slows: float = 0.5
+    stops: float = math.pi / 2
+    slows_in_crowd: float = 0.0
+    stops_in_crowd: float = 0.5
     careful: float = 0.8
 
     def __post_init__(self) -> None:
-        for name in ("near", "astray", "gap", "gap_of_two", "exact"):
+        for name in ("near", "astray", "gap", "exact"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ConfigError(
                     f"terminal-approach: {name} must be 0 m or more, got {getattr(self, name)}."
                 )
-        if not (0 <= self.slows < self.stops and 0 <= self.slows_of_two < self.stops_of_two):
+        if not (0 <= self.slows < self.stops and 0 <= self.slows_in_crowd < self.stops_in_crowd):
             raise ConfigError(f"terminal-approach must slow down before it stops to turn, got {self}.")
         if not 0 < self.careful <= 1:
             raise ConfigError(f"terminal-approach: careful is a share above 0, got {self.careful}.")
@@ -87,9 +85,10 @@ class TerminalApproach(ControlLayer):
     Where something else than a teammate is in the way, the skill goes on: that is what it is made for. It is
     kept from driving into teammates, though.
 
-    In a team each settles as soon as its own way is free, and makes room for the others. Two that may meet
-    anywhere meet only if both come, so each makes sure that the other's way is free as well: of what lies
-    between them both see the same. From afar they drive at each other once each is in the other's view.
+    Where each robot has a target of its own, it goes there as soon as its own path is free, and makes room
+    for the others. Where all come to one place, they meet only if all come, so each makes sure that the paths
+    of the others are free as well. And it drives there from afar once it and all others see each other: of
+    what lies between them all see the same, so that no robot needs to guess.
 
     Args:
         robots: the team.
@@ -112,15 +111,12 @@ class TerminalApproach(ControlLayer):
         self.agent = agent
         self.useful = ends_together(task, len(robots))
         self.halting = Halting(robots)
-        self.spots = has_targets(task, len(robots))
-        self.two = len(robots) == 2 and not self.spots
-        self.sure_of = [0, 1] if self.two else [agent]
-        others = [index for index in range(len(robots)) if index != agent]
-        self.mates = [*others, *(len(robots) + index for index in others)]
-        radii = torch.tensor([robots[index].footprint_radius for index in others])
-        self.apart = (
-            radii + self.robot.footprint_radius + (self.config.gap_of_two if self.two else self.config.gap)
-        ).repeat(2)
+        self.robots = tuple(robots)
+        self.own_targets = has_targets(task, len(robots))
+        self.sure_of = [agent] if self.own_targets else list(range(len(robots)))
+        self.mates = [index for index in range(len(robots)) if index != agent]
+        radii = torch.tensor([robots[index].footprint_radius for index in self.mates])
+        self.apart = radii + self.robot.footprint_radius + self.config.gap
 
     def filter(
         self, observation: Observation, waypoint: Float[Tensor, "b 2"], command: Float[Tensor, "b 2"]
@@ -132,11 +128,13 @@ class TerminalApproach(ControlLayer):
         command = slowed(command, self._stoppable(room, self.robot.drive.acceleration))
         stance, near = self.stance_among(observation, waypoint)
         afar = torch.zeros_like(near)
-        if self.two:
+        terminal = self.task.terminal(observation.team_poses)
+        if terminal is not None and not self.own_targets:
             apart = (~near).nonzero()[:, 0]
-            afar = afar.index_put((apart,), see_each_other(observation.episodes(apart), self.robot))
-            mate = observation.team_poses[:, 1 - self.agent, :2]
-            stance = torch.where(afar[:, None], torch.cat([mate, stance[:, 2:]], -1), stance)
+            afar = afar.index_put((apart,), all_in_view(observation.episodes(apart), self.robots))
+            # as far beyond the middle, so that it does not slow down for it
+            beyond = any_heading(2 * terminal.middle - observation.pose[:, :2])
+            stance = torch.where(afar[:, None], beyond, stance)
         docks = near | afar
         if not bool(docks.any()):
             return command
@@ -154,7 +152,7 @@ class TerminalApproach(ControlLayer):
         """
         poses = observation.team_poses
         stance = any_heading(spot)
-        near = (observation.pose[:, :2] - spot).norm(dim=-1) < (self.config.near if self.spots else 0.0)
+        near = (observation.pose[:, :2] - spot).norm(dim=-1) < (self.config.near if self.own_targets else 0.0)
         terminal = self.task.terminal(poses)
         if terminal is None or not bool(terminal.now.any()):
             return stance, near
@@ -188,13 +186,18 @@ class TerminalApproach(ControlLayer):
         aside = torch.where(there, look, aside)
         turn = aside.sign() * self._stoppable(aside.abs(), drive.turn_acceleration).clamp(max=drive.turn_rate)
         speed = self._stoppable(distance.minimum(room), drive.acceleration).clamp(max=drive.speed[1])
-        config = self.config
-        slows, stops = (
-            (config.slows_of_two, config.stops_of_two) if self.two else (config.slows, config.stops)
-        )
+        config, crowd = self.config, self._in_crowd(observation)
+        slows = torch.where(crowd, config.slows_in_crowd, config.slows)
+        stops = torch.where(crowd, config.stops_in_crowd, config.stops)
         share = ((stops - aside.abs()) / (stops - slows)).clamp(0, 1)
         speed = speed * torch.where(afar, 1.0, share)
         return torch.stack([speed.masked_fill(there, 0.0), turn], -1)
+
+    def _in_crowd(self, observation: Observation) -> Bool[Tensor, "b"]:
+        """Return whether several teammates are near."""
+        mates = observation.team_poses[:, self.mates, :2]
+        away = (mates - observation.pose[:, None, :2]).norm(dim=-1)
+        return (away < self.config.near).sum(-1) > 1
 
     def _blocked(self, observation: Observation, spot: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
         """Return whether the scan shows something on the straight way to the spot that is no teammate."""
@@ -204,9 +207,10 @@ class TerminalApproach(ControlLayer):
 
     def _room(self, observation: Observation) -> Float[Tensor, "b"]:
         """Return how far the robot can drive on before it is too near a teammate or its halt, metres."""
-        places = torch.cat([observation.team_poses[..., :2], self.halting(observation)], 1)
-        ahead, aside = to_frame(observation.pose[:, None], places[:, self.mates]).unbind(-1)
-        apart = self.apart.to(ahead)
+        now, halt = observation.team_poses[:, self.mates, :2], self.halting(observation)[:, self.mates]
+        ahead, aside = to_frame(observation.pose[:, None], torch.cat([now, halt], 1)).unbind(-1)
+        driven = motion(observation)[0][:, self.mates] * CONTROL_PERIOD
+        apart = (self.apart.to(driven) + driven).repeat(1, 2)
         blocks = (ahead > 0) & (aside.abs() < apart)
         room = ahead - (apart.square() - aside.square()).clamp(min=0).sqrt()
         return torch.where(blocks, room.clamp(min=0), torch.inf).amin(-1)

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from hpp_framework.config.settings import altered
 from hpp_framework.control.stopping import Halting, motion
-from hpp_framework.control.terminal_approach import ends_together, has_targets, slowed
+from hpp_framework.control.terminal_approach import ends_together, slowed
 from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task
@@ -66,7 +66,7 @@ class YieldTogether(ControlLayer):
         self.halting = Halting(robots)
         self.top = torch.tensor([robot.drive.speed[1] for robot in robots])
         self.share = torch.linspace(-1, 1, self.config.choices)[:, None]
-        self.useful = len(robots) == 2 and not has_targets(task, 2) and ends_together(task, 2)
+        self.useful = task.halts and ends_together(task, len(robots))
 
     def filter(
         self, observation: Observation, waypoint: Float[Tensor, "b 2"], command: Float[Tensor, "b 2"]

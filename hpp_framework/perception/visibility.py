@@ -1,11 +1,12 @@
-"""What a robot sees to be in the way, and whether two robots see each other.
+"""What a robot sees to be in the way, and whether the robots of a team see each other.
 
-Two robots that see each other know the same of the way between them, and each knows that the other does. So
-it is the one place where no guess about the other is needed.
+Robots that see each other know the same of the path between them, and each knows that the other does. So it
+is the one place where no guess about the other is needed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -47,24 +48,32 @@ def in_the_way(
     return (on_way & still).any(-1)
 
 
-def see_each_other(observation: Observation, robot: RobotSpec) -> Bool[Tensor, "b"]:
-    """Return whether two robots see each other with nothing between them that either would touch.
+def all_in_view(observation: Observation, robots: Sequence[RobotSpec]) -> Bool[Tensor, "b"]:
+    """Return whether a robot and each teammate see each other with nothing between them that either touches.
 
     Args:
-        observation: of one of two robots.
-        robot: which it is; the other is taken to see as wide and as far.
+        observation: of the robot.
+        robots: the team, in team order.
     """
-    poses = observation.team_poses
-    own, mate = poses[:, observation.agent], poses[:, 1 - observation.agent]
-    distance, bearing = polar(own, mate[:, :2]).unbind(-1)
-    facing = torch.maximum(bearing.abs(), polar(mate, own[:, :2])[..., 1].abs())
-    seen = (facing < robot.lidar.field_of_view / 2) & (distance < robot.lidar.max_range)
+    poses, agent = observation.team_poses, observation.agent
+    own, robot = poses[:, agent], robots[agent]
+    seen = torch.ones(len(poses), dtype=torch.bool, device=poses.device)
+    mates = [index for index in range(len(robots)) if index != agent]
+    for mate in mates:
+        distance, bearing = polar(own, poses[:, mate, :2]).unbind(-1)
+        back = polar(poses[:, mate], own[:, :2])[..., 1]
+        seen &= (bearing.abs() < robot.lidar.field_of_view / 2) & (distance < robot.lidar.max_range)
+        lidar = robots[mate].lidar
+        seen &= (back.abs() < lidar.field_of_view / 2) & (distance < lidar.max_range)
     # what the present scan shows in the way needs no search of what earlier ones saw
     for known in (replace(observation, keyframes=None), observation):
         rows = seen.nonzero()[:, 0]
         points, still = seen_points(known.episodes(rows), robot.lidar)
-        blocked = in_the_way(own[rows], mate[rows, :2], points, still, robot.footprint_radius)
-        seen = seen.index_put((rows,), ~blocked)
+        free = torch.ones_like(rows, dtype=torch.bool)
+        for mate in mates:
+            widest = max(robot.footprint_radius, robots[mate].footprint_radius)
+            free &= ~in_the_way(own[rows], poses[rows, mate, :2], points, still, widest)
+        seen = seen.index_put((rows,), free)
     return seen
 
 
