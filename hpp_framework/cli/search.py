@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from hpp_framework.config.settings import parse_settings
 from hpp_framework.utils.errors import ConfigError
 
 if TYPE_CHECKING:
-    from hpp_framework.training.search.phase import SearchEvent
+    from hpp_framework.training.search.phase import TrialRow, Watch
 
 Number = TypeVar("Number", int, float)
 
@@ -54,9 +54,9 @@ class Search:
     def run(self) -> None:
         """Search, with a progress bar a trial, and print how to train the winner."""
         from hpp_framework.plugins.registry import hub
-        from hpp_framework.training.search.config import SearchConfig
         from hpp_framework.training.search.report import REPORT, train_command
         from hpp_framework.training.search.run import search_skill
+        from hpp_framework.training.search.space import SearchConfig
         from hpp_framework.utils.executor import available_cores
 
         hub().robots.entry(self.robot)
@@ -94,15 +94,14 @@ def _numbers(text: str, option: str, kind: type[Number]) -> tuple[Number, ...]:
 
 
 @contextmanager
-def _bars(steps: int) -> Generator[Callable[[SearchEvent], None]]:
+def _bars(steps: int) -> Generator[Watch]:
     """Show a bar for each trial under way, and a line for each that has ended."""
     from rich.progress import Progress, TaskID
 
     bars: dict[str, TaskID] = {}
     with Progress(transient=True) as progress:
 
-        def watch(event: SearchEvent) -> None:
-            row = event.row
+        def watch(row: TrialRow, curve: Mapping[int, float]) -> None:
             name = f"{row.phase} {row.number}"
             if row.state != "unfinished":
                 if name in bars:
@@ -112,7 +111,8 @@ def _bars(steps: int) -> Generator[Callable[[SearchEvent], None]]:
                 return
             if name not in bars:
                 bars[name] = progress.add_task(name, total=steps)
-            practice = "" if event.practice is None else f", practice {event.practice:.3f}"
-            progress.update(bars[name], completed=event.steps, description=f"{name}{practice}")
+            last = max(curve, default=0)
+            practice = f", practice {curve[last]:.3f}" if last else ""
+            progress.update(bars[name], completed=last, description=f"{name}{practice}")
 
         yield watch

@@ -137,9 +137,8 @@ class TrainMaddpg:
         from hpp_framework.planning.baselines.maddpg import feature_count
         from hpp_framework.plugins.build import parse_team
         from hpp_framework.plugins.registry import hub
-        from hpp_framework.training.maddpg.figure import plot_seeds
         from hpp_framework.training.maddpg.practice import Recipe
-        from hpp_framework.training.maddpg.seeds import MaddpgTraining, keep_best, train_seed
+        from hpp_framework.training.maddpg.seeds import MaddpgTraining, keep_best, plot_seeds, train_seed
         from hpp_framework.utils.executor import run_tasks
 
         check_positive(steps=self.steps, workers=self.workers)

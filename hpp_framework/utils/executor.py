@@ -25,7 +25,11 @@ def available_cores() -> int:
 
 
 def run_tasks(
-    function: Callable[[Task, Report], None], tasks: Iterable[Task], *, workers: int
+    function: Callable[[Task, Report], None],
+    tasks: Iterable[Task],
+    *,
+    workers: int,
+    every: float | None = None,
 ) -> Generator[Any, None, None]:
     """Call ``function(task, report)`` for every task, and yield whatever it reports, as it does.
 
@@ -37,6 +41,7 @@ def run_tasks(
         function: found by name in its module, as is everything that it is given.
         tasks: handed out in this order.
         workers: processes.
+        every: seconds without a report after which None is yielded, and again, or None for never.
 
     Raises:
         HppError: if a worker was killed.
@@ -55,7 +60,10 @@ def run_tasks(
             here.send(task)
             busy[here] = process
         while busy:
-            for here in wait(list(busy)):
+            ready = wait(list(busy), every)
+            if not ready:
+                yield None
+            for here in ready:
                 yield from _receive(here, busy, waiting)
     finally:
         for here, process in busy.items():

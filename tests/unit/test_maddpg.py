@@ -24,12 +24,9 @@ from hpp_framework.planning.baselines.maddpg import (
 from hpp_framework.plugins.build import make_skills, parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
-from hpp_framework.training.maddpg.figure import plot_seeds
-from hpp_framework.training.maddpg.learner import Learner, MaddpgConfig, Transitions
-from hpp_framework.training.maddpg.practice import Noise
-from hpp_framework.training.maddpg.replay import Replay
-from hpp_framework.training.maddpg.rooms import Practice, Rooms
-from hpp_framework.training.maddpg.seeds import Judge, MaddpgTraining, keep_best, train_seed
+from hpp_framework.training.maddpg.learner import Learner, MaddpgConfig, Replay, Transitions
+from hpp_framework.training.maddpg.practice import Practice, Rooms, exploration
+from hpp_framework.training.maddpg.seeds import Judge, MaddpgTraining, keep_best, plot_seeds, train_seed
 from hpp_framework.utils.errors import CheckpointError, ConfigError
 from hpp_framework.utils.seeding import torch_rng
 
@@ -114,11 +111,12 @@ def test_updates_agree_with_algorithm_1():
 def test_targets_by_hand():
     """Weights of zero: Q is the last bias, so y = r + gamma * bias and the loss is known."""
     learner = Learner(2, 1, 1, MaddpgConfig(gamma=0.5), torch_rng(0, "hand"))
-    for layers in (learner.critics, learner._target_critics):
+    _, target_critics = learner._targets
+    for layers in (learner.critics, target_critics):
         for parameters in layers.parameters():
             parameters.data.zero_()
     learner.critics.biases[2].data[:, 0, 0] = torch.tensor([1.0, 3.0])
-    learner._target_critics.biases[2].data[:, 0, 0] = torch.tensor([2.0, 4.0])
+    target_critics.biases[2].data[:, 0, 0] = torch.tensor([2.0, 4.0])
     batch = Transitions(
         torch.zeros(2, 2, 1), torch.zeros(2, 2, 1), torch.tensor([0.0, 6.0]), torch.ones(2, 2, 1)
     )
@@ -166,10 +164,8 @@ def test_replay_gives_whole_transitions_of_finished_rounds_only():
 
 
 def test_noise_has_its_deviation_and_lasts():
-    noise = Noise(0.3, 0.15, torch_rng(0, "noise"))
-    noise.begin(2000, 1)
-    now = noise.next()
-    then = noise.next()
+    noise = exploration((2000, 1), 0.3, 0.15, torch_rng(0, "noise"))
+    now, then = next(noise), next(noise)
     assert float(then.std()) == pytest.approx(0.3, rel=0.1)
     assert float((now * then).mean() / 0.09) == pytest.approx(0.85, rel=0.1)
 

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from contextlib import suppress
+from threading import Lock
 
+import optuna
 import pytest
 from hpp_skills.p2p import search as p2p_search
 from hpp_skills.p2p.recipe import Recipe
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
 from hpp_framework.cli.main import main
 from hpp_framework.core.skill import SkillTraining
 from hpp_framework.plugins.registry import hub
-from hpp_framework.training.search.config import SearchConfig
-from hpp_framework.training.search.figure import draw_search
-from hpp_framework.training.search.importance import rank_correlations
-from hpp_framework.training.search.report import train_command
-from hpp_framework.training.search.run import report as search_report
-from hpp_framework.training.search.run import search_skill
-from hpp_framework.training.search.run import trial as search_trial
-from hpp_framework.training.search.space import Choice, Phase, Range, SkillSearch
-from hpp_framework.training.search.trial import TrialTask, launch, run_trial
+from hpp_framework.training.search import phase as search_phase
+from hpp_framework.training.search import report as search_report
+from hpp_framework.training.search.phase import PhaseSearch
+from hpp_framework.training.search.report import draw_search, train_command
+from hpp_framework.training.search.run import open_journal, search_skill
+from hpp_framework.training.search.space import SearchConfig, SkillSearch
+from hpp_framework.training.search.trial import TrialTask, run_trial
 from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.utils.executor import run_tasks
 
 TRAINED = []
 """What the toy trainer was called with in this process."""
+INLINE = Lock()
+"""Held by a trial in this process, whose output goes to a file of its own."""
 
 
 def train(config):
@@ -66,20 +71,28 @@ def curve(folder):
 
 def toy_search():
     return SkillSearch(
-        phases=(
-            Phase("reward", {"toy.x": Range(0.0, 1.0), "toy.rate": Range(1e-5, 1e-3, log=True)}),
-            Phase("network", {"toy.size": Range(8, 64), "toy.kind": Choice(("a", "b"))}),
-        ),
+        phases={
+            "reward": {
+                "toy.x": FloatDistribution(0.0, 1.0),
+                "toy.rate": FloatDistribution(1e-5, 1e-3, log=True),
+            },
+            "network": {
+                "toy.size": IntDistribution(8, 64),
+                "toy.kind": CategoricalDistribution(("a", "b")),
+            },
+        },
         start={"toy.x": 0.2, "toy.rate": 1e-4, "toy.size": 10, "toy.kind": "a"},
         objective=judge,
         curve=curve,
     )
 
 
-def inline(task):
+def inline(function, tasks, **_):
     """Do a trial in this process."""
     reports = []
-    run_trial(task, reports.append)
+    with INLINE:
+        for task in tasks:
+            function(task, reports.append)
     yield from reports
 
 
@@ -88,7 +101,7 @@ def toy(monkeypatch):
     if "toy" not in hub().skill_searches:
         hub().skill_trainers.add("toy", train)
         hub().skill_searches.add("toy", toy_search)
-    monkeypatch.setattr(search_trial, "launch", inline)
+    monkeypatch.setattr(search_phase, "run_tasks", inline)
     # a second each
     monkeypatch.setattr(search_report, "draw_search", lambda *_: None)
     TRAINED.clear()
@@ -101,11 +114,9 @@ def config(out, **changes):
 
 def finished(out):
     """Return what the journal says of every trial, by phase and number."""
-    from hpp_framework.training.search.study import PhaseStudy, open_storage
-
-    storage, search = open_storage(out), toy_search()
-    studies = [PhaseStudy(storage, search, phase, {}, 0) for phase in search.phases]
-    return {(row.phase, row.number): row for study in studies for row in study.rows()}
+    storage, search = open_journal(out), toy_search()
+    phases = [PhaseSearch(config(out), search, name, {}, storage, lambda *_: None) for name in search.phases]
+    return {(row.phase, row.number): row for phase in phases for row in phase.rows()}
 
 
 def test_a_search_finds_something_better_than_the_baseline(tmp_path):
@@ -164,9 +175,9 @@ def test_an_interrupted_search_ends_as_one_that_was_not(tmp_path, stop_after):
     search_skill(config(whole, trials=(7, 5)))
     ended = []
 
-    def interrupt(event):
-        if event.row.state == "finished":
-            ended.append(event)
+    def interrupt(row, curve):
+        if row.state == "finished":
+            ended.append(row)
             if len(ended) == stop_after:
                 raise KeyboardInterrupt
 
@@ -180,8 +191,8 @@ def test_an_interrupted_search_ends_as_one_that_was_not(tmp_path, stop_after):
 
 
 def test_a_trial_under_way_when_killed_is_taken_up_again(tmp_path):
-    def kill(event):
-        if event.row.number == 2 and event.row.state == "unfinished":
+    def kill(row, curve):
+        if row.number == 2 and row.state == "unfinished":
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -201,12 +212,12 @@ def test_a_trial_under_way_when_killed_is_taken_up_again(tmp_path):
 def test_what_is_trained_is_only_judged_again(tmp_path):
     out = tmp_path / "trial"
     task = TrialTask(
-        phase="reward", number=0, trainer=train, search=toy_search(), seed=1,
+        trainer=train, search=toy_search(), seed=1,
         training=SkillTraining(robot="fetch", out=out, steps=400, settings={"toy.x": 0.7}),
     )  # fmt: skip
-    assert len(list(inline(task))) == 2
-    *_, last = inline(task)
-    assert last.metrics["score"] == pytest.approx(value({"toy.x": 0.7}))
+    assert len(list(inline(run_trial, [task]))) == 2
+    *_, last = inline(run_trial, [task])
+    assert last["score"] == pytest.approx(value({"toy.x": 0.7}))
     assert len(TRAINED) == 1
 
 
@@ -246,6 +257,18 @@ def test_the_report_holds_every_trial_and_the_winner(tmp_path, monkeypatch):
     chosen = json.loads((tmp_path / "best.json").read_text())
     assert chosen["settings"] == best.settings
     assert chosen["metrics"]["score"] > chosen["baseline_metrics"]["score"]
+    assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("trials", [1, 3])
+def test_a_phase_of_one_parameter_is_drawn(tmp_path, trials):
+    study = optuna.create_study(direction="maximize")
+    for number in range(trials):
+        trial = study.ask({"toy.x": FloatDistribution(0.0, 1.0)})
+        study.tell(trial, number)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        draw_search(tmp_path / "report.png", [study])
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -317,36 +340,33 @@ def test_a_folder_of_another_search_is_refused(tmp_path, changes):
 
 
 def test_wrong_searches_are_refused():
-    phase = Phase("reward", {"toy.x": Range(0.0, 1.0)})
+    phase = {"toy.x": FloatDistribution(0.0, 1.0)}
     for phases, start, message in (
-        ((), {}, "one or more phases"),
-        ((phase, phase), {"toy.x": 0.5}, "different names"),
-        ((phase, Phase("network", phase.parameters)), {"toy.x": 0.5}, "two phases"),
-        ((phase,), {}, "without a value of 'toy.x'"),
-        ((phase,), {"toy.x": 2.0}, "cannot start from"),
+        ({}, {}, "one or more phases"),
+        ({"reward": phase, "network": phase}, {"toy.x": 0.5}, "two phases"),
+        ({"reward": phase}, {}, "without a value of 'toy.x'"),
+        ({"reward": phase}, {"toy.x": 2.0}, "cannot start from"),
+        ({"reward": {"toy.x": IntDistribution(1, 5)}}, {"toy.x": 2.5}, "cannot start from"),
+        ({"reward": {"toy.x": IntDistribution(1, 1)}}, {"toy.x": 1}, "'toy.x' needs two or more"),
+        ({"reward": {"toy.x": CategoricalDistribution((1,))}}, {"toy.x": 1}, "'toy.x' needs two or more"),
+        ({"reward": {"toy.x": CategoricalDistribution((1, 1))}}, {"toy.x": 1}, "'toy.x' needs two or more"),
     ):
         with pytest.raises(ConfigError, match=message):
             SkillSearch(phases=phases, start=start, objective=judge)
-    for build in (
-        lambda: Range(1, 1),
-        lambda: Range(0.0, 1.0, log=True),
-        lambda: Choice((1,)),
-        lambda: Choice((1, 1)),
-    ):
-        with pytest.raises(ConfigError, match="needs"):
-            build()
-    assert not Range(1, 5).holds(2.5)
-    assert Range(1.0, 5.0).holds(2)
+    # a whole number is welcome where a real one is searched
+    SkillSearch(phases={"reward": phase}, start={"toy.x": 1}, objective=judge)
 
 
-def test_rank_correlations_say_which_way():
-    phase = Phase("reward", {"x": Range(0.0, 1.0), "kind": Choice(("a", "b")), "same": Range(0.0, 1.0)})
-    trials = [({"x": k / 5, "kind": "ba"[k > 2], "same": 0.5}, float(k**3)) for k in range(5)]
-    found = rank_correlations(phase, trials)
-    assert found["x"] == pytest.approx(1)
-    assert found["kind"] < -0.8
-    assert found["same"] is None
-    assert rank_correlations(phase, trials[:3])["x"] is None
+def test_importances_say_what_the_score_hangs_on(tmp_path):
+    search, watch = toy_search(), lambda *_: None
+    search_skill(config(tmp_path))
+    phase = PhaseSearch(config(tmp_path), search, "reward", {}, open_journal(tmp_path), watch)
+    found = search_report.importances(phase.study)
+    assert sum(found.values()) == pytest.approx(1)
+    assert found["toy.x"] > found["toy.rate"]
+    search_skill(config(tmp_path / "short", trials=(3, 1)))
+    phase = PhaseSearch(config(tmp_path), search, "reward", {}, open_journal(tmp_path / "short"), watch)
+    assert search_report.importances(phase.study) == {}
 
 
 def test_the_command_searches_and_says_how_to_train_the_winner(tmp_path, capsys):
@@ -370,8 +390,8 @@ def test_the_command_searches_and_says_how_to_train_the_winner(tmp_path, capsys)
 
 def test_without_optuna_the_command_says_how_to_get_it(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "optuna", None)
-    for name in ("search", "search_phase", "search_report", "search_study"):
-        monkeypatch.delitem(sys.modules, f"hpp_framework.training.{name}", raising=False)
+    for name in [name for name in sys.modules if name.startswith("hpp_framework.training.search")]:
+        monkeypatch.delitem(sys.modules, name)
     with pytest.raises(SystemExit) as ended:
         main(["search", "skill", "toy", "--out", str(tmp_path)])
     assert ended.value.code == 2
@@ -379,7 +399,7 @@ def test_without_optuna_the_command_says_how_to_get_it(tmp_path, monkeypatch, ca
 
 
 def test_there_is_no_report_before_there_is_a_baseline(tmp_path):
-    def interrupt(event):
+    def interrupt(row, curve):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -399,24 +419,25 @@ def test_a_search_that_finds_nothing_better_says_so(tmp_path):
 
 def test_a_trial_has_a_process_of_its_own(tmp_path):
     task = TrialTask(
-        phase="reward", number=0, trainer=train, search=toy_search(), seed=1,
+        trainer=train, search=toy_search(), seed=1,
         training=SkillTraining(robot="fetch", out=tmp_path, steps=400, settings={"toy.x": 0.7}),
     )  # fmt: skip
-    *_, last = launch(task)
-    assert last.metrics["score"] == pytest.approx(value({"toy.x": 0.7}))
-    assert sorted(last.curve) == [100, 200, 300, 400]
+    reports = list(run_tasks(run_trial, [task], workers=1, every=0.05))
+    assert set(reports[:-1]) == {None}
+    assert reports[-1]["score"] == pytest.approx(value({"toy.x": 0.7}))
+    assert sorted(curve(tmp_path)) == [100, 200, 300, 400]
     assert not TRAINED  # not here
 
 
 def test_p2p_declares_what_its_recipe_has():
     found = hub().skill_searches.create("p2p")
-    names = [name for phase in found.phases for name in phase.parameters]
-    assert [phase.name for phase in found.phases] == ["reward", "network"]
+    names = [name for phase in found.phases.values() for name in phase]
+    assert list(found.phases) == ["reward", "network"]
     # every bound is of the kind that the recipe takes
-    for phase in found.phases:
-        for name, parameter in phase.parameters.items():
-            ends = parameter.values if isinstance(parameter, Choice) else (parameter.low, parameter.high)
-            for end in ends:
+    for phase in found.phases.values():
+        for name, searched in phase.items():
+            choice = isinstance(searched, CategoricalDistribution)
+            for end in searched.choices if choice else (searched.low, searched.high):
                 assert Recipe().altered({name: end})
     assert Recipe().altered(found.start) == Recipe()
     assert set(names) == set(found.start)
@@ -428,7 +449,7 @@ def test_p2p_is_trained_and_judged_with_the_settings_of_a_trial(tmp_path, monkey
     monkeypatch.setattr(p2p_search, "JOURNEYS", 1)
     settings = {"reward.touch": -0.4, "network.hidden": 64, "ppo.n_epochs": 1, "network.scan": "dense"}
     task = TrialTask(
-        phase="network", number=1, trainer=hub().skill_trainers.entry("p2p").factory(), seed=1,
+        trainer=hub().skill_trainers.entry("p2p").factory(), seed=1,
         search=hub().skill_searches.create("p2p"),
         training=SkillTraining(
             robot="fetch", out=tmp_path, steps=64, seed=5001, threads=1, settings=settings, judge=False
@@ -436,12 +457,12 @@ def test_p2p_is_trained_and_judged_with_the_settings_of_a_trial(tmp_path, monkey
     )  # fmt: skip
     reports = []
     run_trial(task, reports.append)
-    last = reports[-1]
-    assert last.failure is None
-    assert sorted(last.curve) == [64]
-    assert 0 <= last.metrics["score"] <= 1
-    assert last.metrics["journeys"] == 1
-    assert last.metrics["score"] == (last.metrics["success"] + last.metrics["clean"]) / 2
+    under_way, metrics = reports
+    assert under_way is None
+    assert sorted(p2p_search.practice_success(tmp_path)) == [64]
+    assert 0 <= metrics["score"] <= 1
+    assert metrics["journeys"] == 1
+    assert metrics["score"] == (metrics["success"] + metrics["clean"]) / 2
     card = json.loads((tmp_path / "fetch.json").read_text())
     assert card["network"]["hidden"] == 64
     assert card["recipe"]["reward"]["touch"] == -0.4

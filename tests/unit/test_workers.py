@@ -55,6 +55,14 @@ def test_what_a_task_raises_arrives_and_ends_the_others():
     assert set(multiprocessing.active_children()) <= before
 
 
+def test_silence_is_told_when_asked_for():
+    tasks = run_tasks(linger, [0], workers=1, every=0.05)
+    assert next(tasks) is None  # while the worker begins
+    assert isinstance(next(report for report in tasks if report is not None), int)
+    assert next(tasks) is None
+    tasks.close()
+
+
 def test_a_killed_worker_is_an_error():
     with pytest.raises(HppError, match="ended with code 3.*resumes"):
         list(run_tasks(vanish, range(2), workers=1))

@@ -11,7 +11,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from matplotlib.figure import Figure
 from torch import Tensor
 
 from hpp_framework.agents.policy import PolicyAgent
@@ -23,6 +25,7 @@ from hpp_framework.core.skill import as_pairs
 from hpp_framework.core.task import Task
 from hpp_framework.core.team import Team
 from hpp_framework.evaluation.rollout import run_episodes
+from hpp_framework.evaluation.skill_figures import save_figure
 from hpp_framework.planning.baselines.maddpg import (
     KIND,
     Layers,
@@ -35,8 +38,7 @@ from hpp_framework.plugins.registry import hub
 from hpp_framework.plugins.weights import load_checkpoint, require_same_run, save_checkpoint
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.training.maddpg.learner import Learner
-from hpp_framework.training.maddpg.practice import ACTIONS, Recipe, practise
-from hpp_framework.training.maddpg.rooms import Rooms
+from hpp_framework.training.maddpg.practice import ACTIONS, Recipe, Rooms, practise
 from hpp_framework.utils.executor import Report
 from hpp_framework.utils.seeding import numpy_rng, torch_rng
 from hpp_framework.worlds.loader import resolve_world
@@ -44,6 +46,7 @@ from hpp_framework.worlds.spawn import spawn_poses
 
 JUDGE_SEED = 5001
 """Of the episodes that policies are compared by, in worlds that no seed practises in."""
+BEST, SPREAD = "#1868c4", "#e377a2"
 POINTS = 20
 """Of a learning curve."""
 
@@ -57,7 +60,7 @@ class MaddpgTraining:
     """What the training of one seed is told.
 
     Attributes:
-        team: everybody.
+        team: all robots.
         out: folder that holds all seeds.
         task: registered task, gives the reward.
         seed: of networks, worlds, starts, noise and batches.
@@ -89,9 +92,7 @@ class MaddpgTraining:
 
     def run(self) -> dict[str, Any]:
         """Return what weights and the training that makes them have in common."""
-        return {
-            "seed": self.seed, "task": self.task, "steps": self.steps, "recipe": asdict(self.recipe)
-        }  # fmt: skip
+        return {"seed": self.seed, "task": self.task, "steps": self.steps, "recipe": asdict(self.recipe)}
 
 
 def weights_file(folder: Path, team: Team) -> Path:
@@ -178,7 +179,7 @@ class Judge:
     """Lets actors run without noise in unseen worlds, the same for all seeds.
 
     Args:
-        team: everybody.
+        team: all robots.
         task: the shared objective.
         rooms: the kind of worlds, and the control stack.
         episodes: how many.
@@ -238,3 +239,38 @@ def keep_best(trainings: Sequence[MaddpgTraining]) -> tuple[Path, dict[str, Any]
     card |= {"command": command(trainings), "curves": {str(seed): curve for seed, curve in curves.items()}}
     save_checkpoint(file, weights, card)
     return file, card
+
+
+def plot_seeds(file: Path, card: Mapping[str, Any]) -> Path:
+    """Draw return and success in unseen worlds over the steps of all seeds (appendix C.2).
+
+    Args:
+        file: the picture; its suffix chooses the format.
+        card: of the best seed's weights, as :func:`keep_best` writes it.
+
+    Raises:
+        HppError: if the file cannot be written.
+    """
+    curves: dict[str, Sequence[Mapping[str, float]]] = card["curves"]
+    best = str(card["run"]["seed"])
+    steps = np.array([row["steps"] for row in curves[best]]) / 1e6
+    figure = Figure(figsize=(9.0, 3.6), dpi=150, layout="constrained")
+    for axes, name, label in zip(
+        figure.subplots(1, 2), ("judged_return", "success"), ("return of an episode", "success"), strict=True
+    ):
+        rows = np.array([[row[name] for row in curve] for curve in curves.values()])
+        mean, std = rows.mean(0), rows.std(0)
+        if len(rows) > 1:
+            axes.plot(steps, rows.T, color=SPREAD, alpha=0.35, linewidth=0.8)
+            axes.fill_between(steps, mean - std, mean + std, color=SPREAD, alpha=0.25, linewidth=0)
+            axes.plot(
+                steps, mean, color=SPREAD, linewidth=2, label=f"mean of {len(rows)} seeds, one deviation"
+            )
+        own = [row[name] for row in curves[best]]
+        axes.plot(steps, own, color=BEST, linewidth=2, label=f"seed {best}, the best")
+        axes.plot(card["judged"]["steps"] / 1e6, card["judged"][name], "o", color=BEST, label="kept")
+        axes.set(xlabel="million control steps", ylabel=label)
+        axes.grid(alpha=0.3)
+        axes.legend(loc="lower right", fontsize=8)
+    figure.suptitle(f"MADDPG, {' and '.join(card['robots'])}, without noise in unseen worlds")
+    return save_figure(figure, file)

@@ -3,52 +3,61 @@
 from __future__ import annotations
 
 import json
+import warnings
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from math import nan
+from pathlib import Path
 from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from optuna import Study
+from optuna.exceptions import ExperimentalWarning
+from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
+from optuna.trial import TrialState
+from optuna.visualization import matplotlib as plots
 
 from hpp_framework.core.skill import as_pairs
 from hpp_framework.plugins.weights import portable
-from hpp_framework.training.search.config import SearchConfig
-from hpp_framework.training.search.figure import draw_search
-from hpp_framework.training.search.importance import rank_correlations
-from hpp_framework.training.search.space import SCORE, Phase, SkillSearch, Value
-from hpp_framework.training.search.study import PhaseStudy, TrialRow
+from hpp_framework.training.search.phase import PhaseSearch, TrialRow
+from hpp_framework.training.search.space import SCORE, SearchConfig, SkillSearch, Value, describe
 from hpp_framework.utils.files import replacing
 
 REPORT, PICTURE, BEST = "report.md", "report.png", "best.json"
+FEWEST = 4
+"""Finished trials before anything is said about parameters."""
+COLUMNS = 4
+"""Parameters side by side in the picture."""
+PANEL = (3.2, 3.2)
+"""Inches a panel."""
 
 
-def write_report(config: SearchConfig, search: SkillSearch, studies: Sequence[PhaseStudy]) -> None:
+def write_report(config: SearchConfig, search: SkillSearch, phases: Sequence[PhaseSearch]) -> None:
     """Write ``report.md``, ``report.png`` and ``best.json``; nothing before the baseline has finished.
 
     Args:
         config: of the search; ``out`` is written to.
-        search: what was config.
-        studies: of the phases that have begun.
+        search: what was searched.
+        phases: that have begun.
     """
-    judged = [[row for row in study.rows() if row.score is not None] for study in studies]
+    judged = [[row for row in phase.rows() if row.score is not None] for phase in phases]
     if not judged or not judged[0] or judged[0][0].number != 0:
         return
     baseline = judged[0][0]
     # of equals the first of the last phase: it has settings for all that was searched
     best = max((row for rows in reversed(judged) for row in rows), key=lambda row: row.metrics[SCORE])
-    start = {**search.start, **config.settings}
-    lines = [
-        f"# Search of the skill {config.skill} for {config.robot}",
-        "",
-        *_introduction(config, studies),
-        "",
-        *_comparison(baseline, best),
-        *_changes(start, best),
-        *_training(config, best),
-    ]
-    for study in studies:
-        lines += _phase(study, start)
+    text = _report(config, {**search.start, **config.settings}, phases, baseline, best)
+    summary = {
+        "settings": best.settings, "phase": best.phase, "trial": best.number, "folder": best.folder,
+        "metrics": best.metrics, "baseline_metrics": baseline.metrics,
+    }  # fmt: skip
     with replacing(config.out / REPORT) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
     with replacing(config.out / BEST) as temporary:
-        temporary.write_text(json.dumps(_summary(baseline, best), indent=2) + "\n", encoding="utf-8")
-    draw_search(config.out / PICTURE, [(study.phase, study.rows()) for study in studies], start)
+        temporary.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    draw_search(config.out / PICTURE, [phase.study for phase in phases])
 
 
 def train_command(config: SearchConfig, settings: Mapping[str, Value]) -> str:
@@ -58,113 +67,139 @@ def train_command(config: SearchConfig, settings: Mapping[str, Value]) -> str:
     return " ".join(["hpp train skill", config.skill, "--robot", config.robot, *start, *chosen])
 
 
-def _introduction(config: SearchConfig, studies: Sequence[PhaseStudy]) -> list[str]:
+def importances(study: Study) -> dict[str, float]:
+    """Return how much each parameter sets the better quarter of a study's trials apart, in shares of 1.
+
+    PED-ANOVA (Watanabe, Bansal, Hutter 2023). Empty with fewer than four finished trials, or equal scores.
+    """
+    finished = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+    if len(finished) < FEWEST or len({trial.value for trial in finished}) < 2:
+        return {}
+    return get_param_importances(study, evaluator=_evaluator())
+
+
+def draw_search(file: Path, studies: Sequence[Study]) -> None:
+    """Draw Optuna's plots of all phases one below another.
+
+    The history of the scores comes first, then for each phase the learning curves where trials could be
+    stopped, the importances, and the score against each parameter.
+
+    Args:
+        file: the picture.
+        studies: of the phases.
+    """
+    style = {"legend.fontsize": "x-small", "figure.constrained_layout.use": True}
+    with plt.style.context(["default", style]), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ExperimentalWarning)
+        # a phase with one trial, or a parameter of one value so far, has no range to show
+        warnings.filterwarnings("ignore", "Attempting to set identical low and high")
+        rows = [_pixels(plots.plot_optimization_history(studies, target_name=SCORE), "all phases")]
+        for study in studies:
+            title = f"phase {study.study_name}"
+            if any(trial.intermediate_values for trial in study.trials):
+                rows.append(_pixels(plots.plot_intermediate_values(study), title))
+            if importances(study):
+                rows.append(_pixels(plots.plot_param_importances(study, evaluator=_evaluator()), title))
+            names = list(study.trials[0].distributions)
+            for first in range(0, len(names), COLUMNS):
+                shown = names[first : first + COLUMNS]
+                rows.append(_pixels(plots.plot_slice(study, shown, target_name=SCORE), title))
+        with replacing(file) as temporary:
+            plt.imsave(temporary, np.concatenate(rows), format="png")
+
+
+def _evaluator() -> PedAnovaImportanceEvaluator:
+    return PedAnovaImportanceEvaluator(target_quantile=0.25)
+
+
+def _pixels(axes: Any, title: str) -> np.ndarray:
+    """Return what was drawn as an image, as wide as all others, and forget the figure."""
+    figure = np.atleast_1d(axes)[0].figure
+    figure.set(layout_engine="constrained", size_inches=(PANEL[0] * COLUMNS, PANEL[1]))
+    figure.suptitle(title)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    plt.close(figure)
+    return np.array(canvas.buffer_rgba())
+
+
+def _report(
+    config: SearchConfig,
+    start: Mapping[str, Value],
+    phases: Sequence[PhaseSearch],
+    baseline: TrialRow,
+    best: TrialRow,
+) -> str:
+    states = {phase.name: Counter(row.state for row in phase.rows()) for phase in phases}
     counts = [
-        f"{study.phase.name}: " + ", ".join(_counted(study.rows(), state) for state in _states(study.rows()))
-        for study in studies
+        f"{name}: {', '.join(f'{n} {state}' for state, n in of.items())}" for name, of in states.items()
     ]
-    lines = [
-        f"Each trial trained for {config.steps:,} control steps and was then judged by the task itself. "
-        f"Seed {config.seed}: all trials train and are judged in the same worlds. Trials by phase: "
-        f"{'; '.join(counts)}.",
+    stopping = (
+        f"After {', '.join(f'{share:g}' for share in config.rungs)} of its steps a training was stopped "
+        "if the best that its learning curve had reached was below the median of the phase's finished "
+        "trials at that step; never the baseline, and not before four trials had finished.\n\n"
+    )
+    metrics = [
+        (name, f"{round(old, 4):g}", f"{round(new, 4):g}", f"{new - old:+.4f}")
+        for name, old in baseline.metrics.items()
+        for new in [best.metrics.get(name, nan)]
     ]
-    if config.rungs:
-        lines += [
-            "",
-            f"After {', '.join(f'{share:g}' for share in config.rungs)} of its steps a training was stopped "
-            "if the best that its learning curve had reached was below the median of the phase's finished "
-            "trials at that step; never the baseline, and not before four trials had finished.",
-        ]
-    return lines
-
-
-def _states(rows: Iterable[TrialRow]) -> list[str]:
-    return list(dict.fromkeys(row.state for row in rows))
-
-
-def _counted(rows: Sequence[TrialRow], state: str) -> str:
-    return f"{sum(row.state == state for row in rows)} {state}"
-
-
-def _comparison(baseline: TrialRow, best: TrialRow) -> list[str]:
-    """Return the best trial's metrics beside the baseline's."""
-    lines = [
-        f"## Best: trial {best.number} of {best.phase}",
-        "",
-        "The best of several noisy scores flatters: judge the winner again with another seed.",
-        "",
-        *_table_head(["", "baseline", "best", "difference"]),
+    changed = [
+        (f"`{name}`", start.get(name, ""), value)
+        for name, value in best.settings.items()
+        if start.get(name) != value
     ]
-    for name, value in baseline.metrics.items():
-        new = best.metrics.get(name, float("nan"))
-        lines.append(_table_row([name, _short(value), _short(new), f"{new - value:+.4f}"]))
-    return [*lines, ""]
+    nothing = "Nothing that was tried was better than the settings that the search began with."
+    return f"""# Search of the skill {config.skill} for {config.robot}
+
+Each trial trained for {config.steps:,} control steps and was then judged by the task itself. \
+Seed {config.seed}: all trials train and are judged in the same worlds. Trials by phase: {"; ".join(counts)}.
+
+{stopping if config.rungs else ""}## Best: trial {best.number} of {best.phase}
+
+The best of several noisy scores flatters: judge the winner again with another seed.
+
+{_table(("", "baseline", "best", "difference"), metrics)}
+
+{_table(("setting", "before", "now"), changed) if changed else nothing}
+
+To train it at full length:
+
+```bash
+{train_command(config, best.settings)}
+```
+
+{"".join(_phase(phase, start) for phase in phases)}"""
 
 
-def _short(value: float) -> str:
-    return f"{round(value, 4):g}"
-
-
-def _changes(start: Mapping[str, Value], best: TrialRow) -> list[str]:
-    changed = {name: value for name, value in best.settings.items() if start.get(name) != value}
-    if not changed:
-        return ["Nothing that was tried was better than the settings that the search began with.", ""]
-    lines = _table_head(["setting", "before", "now"])
-    lines += [_table_row([f"`{name}`", start.get(name, ""), value]) for name, value in changed.items()]
-    return [*lines, ""]
-
-
-def _training(config: SearchConfig, best: TrialRow) -> list[str]:
-    return ["To train it at full length:", "", "```bash", train_command(config, best.settings), "```", ""]
-
-
-def _phase(study: PhaseStudy, start: Mapping[str, Value]) -> list[str]:
-    phase, rows = study.phase, study.rows()
-    ranked = sorted(rows, key=lambda row: (row.score is None, -(row.score or 0), row.number))
-    lines = [
-        f"## Phase {phase.name}",
-        "",
-        *_table_head(["trial", "state", SCORE, *phase.parameters]),
-        *(_trial(row, phase) for row in ranked),
-        "",
-        *(f"Trial {row.number} failed: {row.failure}\n" for row in rows if row.failure),
+def _phase(phase: PhaseSearch, start: Mapping[str, Value]) -> str:
+    """Return the trials of a phase, what it searched, and what the score hung on."""
+    rows, names, shares = phase.rows(), phase.parameters, importances(phase.study)
+    trials = [
+        (
+            "0 (baseline)" if row.number == 0 else row.number,
+            row.state,
+            "" if row.score is None else f"{row.score:.4f}",
+            *(row.settings.get(name, "") for name in names),
+        )
+        for row in sorted(rows, key=lambda row: (row.score is None, -(row.score or 0), row.number))
     ]
-    return [*lines, *_importances(study, start), ""]
+    parameters = [
+        (f"`{name}`", describe(each), start[name], f"{shares[name]:.2f}" if shares else "")
+        for name, each in names.items()
+    ]
+    failures = "".join(f"Trial {row.number} failed: {row.failure}\n\n" for row in rows if row.failure)
+    return f"""## Phase {phase.name}
+
+{_table(("trial", "state", SCORE, *names), trials)}
+
+{failures}{_table(("parameter", "searched", "started from", "importance (PED-ANOVA)"), parameters)}
+
+"""
 
 
-def _trial(row: TrialRow, phase: Phase) -> str:
-    score = "" if row.score is None else f"{row.score:.4f}"
-    number = f"{row.number} (baseline)" if row.number == 0 else row.number
-    return _table_row([number, row.state, score, *(row.settings.get(name, "") for name in phase.parameters)])
-
-
-def _importances(study: PhaseStudy, start: Mapping[str, Value]) -> list[str]:
-    """Return what the phase searched, and what the score hung on."""
-    finished = [(row.settings, row.score) for row in study.rows() if row.score is not None]
-    ranks, shares = rank_correlations(study.phase, finished), study.importances()
-    head = ["parameter", "searched", "started from", "rank correlation with the score"]
-    lines = _table_head([*head, "fANOVA"] if shares else head)
-    for name, parameter in study.phase.parameters.items():
-        rank = ranks[name]
-        cells = [f"`{name}`", str(parameter), start[name], "" if rank is None else f"{rank:+.2f}"]
-        lines.append(_table_row([*cells, f"{shares.get(name, 0):.2f}"] if shares else cells))
-    return lines
-
-
-def _table_head(cells: Sequence[str]) -> list[str]:
-    return [_table_row(cells), _table_row(["---"] * len(cells))]
-
-
-def _table_row(cells: Iterable[object]) -> str:
-    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
-
-
-def _summary(baseline: TrialRow, best: TrialRow) -> dict[str, Any]:
-    return {
-        "settings": dict(best.settings),
-        "phase": best.phase,
-        "trial": best.number,
-        "folder": best.folder,
-        "metrics": dict(best.metrics),
-        "baseline_metrics": dict(baseline.metrics),
-    }
+def _table(head: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    return "\n".join(
+        "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+        for cells in (head, ["---"] * len(head), *rows)
+    )

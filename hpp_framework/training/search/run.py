@@ -8,24 +8,28 @@ trains a policy, and is judged by whether it reaches goals, not by the reward th
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
+
+import optuna
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
 
 from hpp_framework.plugins.registry import hub
 from hpp_framework.plugins.weights import file_digest
-from hpp_framework.training.search.config import SearchConfig
-from hpp_framework.training.search.phase import PhaseRun, Watch
-from hpp_framework.training.search.report import write_report
-from hpp_framework.training.search.space import SkillSearch, Value, check_start
-from hpp_framework.training.search.study import PhaseStudy, TrialRow, open_storage
+from hpp_framework.training.search import report
+from hpp_framework.training.search.phase import PhaseSearch, TrialRow, Watch
+from hpp_framework.training.search.space import SearchConfig, SkillSearch, Value, check_start, describe
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.files import read_json, replacing
 
-CONFIG = "search.json"
+CONFIG, JOURNAL = "search.json", "trials.journal"
 
 
-def search_skill(config: SearchConfig, watch: Watch = lambda _: None) -> TrialRow:
+def search_skill(config: SearchConfig, watch: Watch = lambda _row, _curve: None) -> TrialRow:
     """Search all phases and write the report; goes on where an earlier run of the same search ended.
 
     Args:
@@ -44,26 +48,25 @@ def search_skill(config: SearchConfig, watch: Watch = lambda _: None) -> TrialRo
     hub().robots.entry(config.robot)
     _check(config, search)
     _open_folder(config, search)
-    storage = open_storage(config.out)
-    settings: dict[str, Value] = dict(config.settings)
-    studies: list[PhaseStudy] = []
+    storage = open_journal(config.out)
+    settings: Mapping[str, Value] = config.settings
+    phases: list[PhaseSearch] = []
     best: TrialRow | None = None
     try:
-        for phase, trials in zip(search.phases, config.trials, strict=True):
-            study = PhaseStudy(storage, search, phase, settings, config.seed)
-            studies.append(study)
-            PhaseRun(config, search, study, watch).run(trials, best)
-            best = study.best()
-            settings = dict(best.settings)
+        for name, trials in zip(search.phases, config.trials, strict=True):
+            phases.append(PhaseSearch(config, search, name, settings, storage, watch))
+            phases[-1].run(trials, best)
+            best = phases[-1].best()
+            settings = best.settings
     finally:
-        write_report(config, search, studies)
+        report.write_report(config, search, phases)
     assert best is not None  # there is a phase, and it has a baseline
     return best
 
 
 def _check(config: SearchConfig, search: SkillSearch) -> None:
     if len(config.trials) != len(search.phases) or min(config.trials) < 1:
-        wanted = ", ".join(phase.name for phase in search.phases)
+        wanted = ", ".join(search.phases)
         raise ConfigError(
             f"trials must be a number of at least 1 for each phase ({wanted}), got {config.trials}."
         )
@@ -80,7 +83,10 @@ def _open_folder(config: SearchConfig, search: SkillSearch) -> None:
     wanted: dict[str, Any] = json.loads(json.dumps({
         **{key: value for key, value in asdict(config).items() if key not in ("out", "workers", "init")},
         "init": file_digest(config.init),
-        "phases": {p.name: {n: str(each) for n, each in p.parameters.items()} for p in search.phases},
+        "phases": {
+            name: {key: describe(searched) for key, searched in phase.items()}
+            for name, phase in search.phases.items()
+        },
         "start": dict(search.start),
     }))  # fmt: skip
     file = config.out / CONFIG
@@ -99,3 +105,24 @@ def _open_folder(config: SearchConfig, search: SkillSearch) -> None:
             f"'{config.out}' holds another search ({'; '.join(different)}). Give the same options to "
             "go on with it, or choose another --out."
         )
+
+
+def open_journal(out: Path) -> JournalStorage:
+    """Open the journal of a search, or begin it.
+
+    Raises:
+        ConfigError: if it is damaged.
+    """
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    # Optuna's lock is a link to this name, which must mean the same from everywhere
+    file = out.resolve() / JOURNAL
+    if file.exists():
+        content = file.read_bytes()
+        # a line that a killed process did not finish was not yet true
+        whole = content[: content.rfind(b"\n") + 1]
+        if whole != content:
+            file.write_bytes(whole)
+    try:
+        return JournalStorage(JournalFileBackend(str(file)))
+    except (ValueError, KeyError) as error:
+        raise ConfigError(f"'{file}' is damaged: {error}. Choose another --out.") from error

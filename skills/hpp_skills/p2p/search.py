@@ -7,11 +7,13 @@ from contextlib import suppress
 from functools import reduce
 from pathlib import Path
 
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.evaluation.skill import evaluate_skill
 from hpp_framework.evaluation.statistics import wilson_interval
 from hpp_framework.training.ppo import CURVE
-from hpp_framework.training.search.space import Choice, Phase, Range, SkillSearch
+from hpp_framework.training.search.space import Distribution, SkillSearch
 from hpp_framework.utils.seeding import child_seed
 from hpp_skills.p2p.recipe import Recipe
 from hpp_skills.p2p.skill import load
@@ -20,36 +22,35 @@ WORLDS = ("training", "rooms", "passages", "legs")
 JOURNEYS = 125
 """In each world, each in a world of its own."""
 
-REWARD = Phase("reward", {
-    "reward.progress": Range(0.5, 2.0),
-    "reward.arrival": Range(1.0, 10.0, log=True),
-    "reward.collision": Range(-6.0, -0.5),
-    "reward.touch": Range(-0.8, -0.05),
-    "reward.step": Range(-0.06, 0.0),
-    "reward.turn": Range(-0.02, 0.0),
-    "reward.linger": Range(0.05, 0.6),
-    "rooms.comfort": Range(0.1, 0.6),
-    "practice.end_on_touch": Range(0.0, 1.0),
-    "ppo.gamma": Choice((0.98, 0.985, 0.99, 0.993)),
-})  # fmt: skip
-NETWORK = Phase("network", {
-    "network.scan": Choice(("conv", "dense")),
-    "network.channels": Choice((8, 16, 24)),
-    "network.features": Range(96, 256),
-    "network.hidden": Range(64, 256),
-    "ppo.learning_rate": Range(1e-4, 1e-3, log=True),
-    "ppo.n_epochs": Range(2, 5),
-    "ppo.batch_size": Choice((2048, 4096)),
-})  # fmt: skip
+REWARD: dict[str, Distribution] = {
+    "reward.progress": FloatDistribution(0.5, 2.0),
+    "reward.arrival": FloatDistribution(1.0, 10.0, log=True),
+    "reward.collision": FloatDistribution(-6.0, -0.5),
+    "reward.touch": FloatDistribution(-0.8, -0.05),
+    "reward.step": FloatDistribution(-0.06, 0.0),
+    "reward.turn": FloatDistribution(-0.02, 0.0),
+    "reward.linger": FloatDistribution(0.05, 0.6),
+    "rooms.comfort": FloatDistribution(0.1, 0.6),
+    "practice.end_on_touch": FloatDistribution(0.0, 1.0),
+    "ppo.gamma": CategoricalDistribution((0.98, 0.985, 0.99, 0.993)),
+}
+NETWORK: dict[str, Distribution] = {
+    "network.scan": CategoricalDistribution(("conv", "dense")),
+    "network.channels": CategoricalDistribution((8, 16, 24)),
+    "network.features": IntDistribution(96, 256),
+    "network.hidden": IntDistribution(64, 256),
+    "ppo.learning_rate": FloatDistribution(1e-4, 1e-3, log=True),
+    "ppo.n_epochs": IntDistribution(2, 5),
+    "ppo.batch_size": CategoricalDistribution((2048, 4096)),
+}
 
 
 def search() -> SkillSearch:
     """Return the search: first the reward, then the network and how it learns."""
     recipe = Recipe()
-    names = [name for phase in (REWARD, NETWORK) for name in phase.parameters]
     return SkillSearch(
-        phases=(REWARD, NETWORK),
-        start={name: reduce(getattr, name.split("."), recipe) for name in names},
+        phases={"reward": REWARD, "network": NETWORK},
+        start={name: reduce(getattr, name.split("."), recipe) for name in (*REWARD, *NETWORK)},
         objective=judge,
         curve=practice_success,
     )
