@@ -10,6 +10,7 @@ import tyro
 
 from hpp_framework.cli.options import Noise, Pairs, to_experiment
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.utils.run_folder import RunFolder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,5 +62,5 @@ class Run:
             which = Which(episode=self.episode, of=self.of)
         else:
             which = recorded_episode(self.config)
-        with cell_bars(unit=None) as report:
+        with RunFolder(self.out).locked(), cell_bars(unit=None) as report:
             showcase(experiment, self.out, which=which, report=report)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hpp_framework.evaluation.skill_figures import save_figure
+from hpp_framework.evaluation.figures import save_figure
 
 BEST, SPREAD = "#1868c4", "#e377a2"
 

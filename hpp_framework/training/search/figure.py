@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from hpp_framework.training.search.space import SCORE, Choice, Phase, Range, Value
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import replacing
 
 if TYPE_CHECKING:
     from hpp_framework.training.search.study import TrialRow

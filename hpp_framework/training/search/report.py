@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from hpp_framework.training.search.figure import draw_search
 from hpp_framework.training.search.importance import rank_correlations
 from hpp_framework.training.search.space import SCORE, Phase, SkillSearch, Value
 from hpp_framework.training.search.study import PhaseStudy, TrialRow
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import write_json, write_text
 
 REPORT, PICTURE, BEST = "report.md", "report.png", "best.json"
 
@@ -44,10 +43,8 @@ def write_report(config: SearchConfig, search: SkillSearch, studies: Sequence[Ph
     ]
     for study in studies:
         lines += _phase(study, start)
-    with replacing(config.out / REPORT) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    with replacing(config.out / BEST) as temporary:
-        temporary.write_text(json.dumps(_summary(baseline, best), indent=2) + "\n", encoding="utf-8")
+    write_text(config.out / REPORT, "\n".join(lines) + "\n")
+    write_json(config.out / BEST, _summary(baseline, best))
     draw_search(config.out / PICTURE, [(study.phase, study.rows()) for study in studies], start)
 
 

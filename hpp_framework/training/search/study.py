@@ -10,6 +10,7 @@ from typing import cast
 from hpp_framework.training.search.importance import fanova
 from hpp_framework.training.search.space import SCORE, Choice, Phase, Range, SkillSearch, Value
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.run_folder import write_bytes
 from hpp_framework.utils.seeding import child_seed
 
 try:
@@ -75,7 +76,7 @@ def open_storage(out: Path) -> JournalStorage:
         # a line that a killed process did not finish was not yet true
         whole = content[: content.rfind(b"\n") + 1]
         if whole != content:
-            file.write_bytes(whole)
+            write_bytes(file, whole)
     try:
         return JournalStorage(JournalFileBackend(str(file)))
     except (ValueError, KeyError) as error:
