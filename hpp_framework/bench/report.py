@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -15,7 +12,7 @@ from rich.table import Table
 
 from hpp_framework.bench.measurement import Measurement, Settings
 from hpp_framework.bench.suite import Result
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import write_csv, write_json
 
 QUANTILES = {"median": 0.5, "lowest": 0.0, "q25": 0.25, "q75": 0.75, "p99": 0.99, "highest": 1.0}
 COLUMNS = ("benchmark", "name", "parameters", "unit", *QUANTILES, "repeats", "load")
@@ -69,13 +66,9 @@ def write(out: Path, machine: dict[str, Any], settings: Settings, results: Seque
             for each in result.measurements
         ],
     }
-    _replace(out / RESULTS_JSON, json.dumps(document, indent=1) + "\n")
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, COLUMNS)
-    writer.writeheader()
-    for result in results:
-        writer.writerows(_row(result.benchmark, each) for each in result.measurements)
-    _replace(out / RESULTS_CSV, stream.getvalue())
+    write_json(out / RESULTS_JSON, document, indent=1)
+    rows = [_row(result.benchmark, each) for result in results for each in result.measurements]
+    write_csv(out / RESULTS_CSV, COLUMNS, rows)
 
 
 def _row(benchmark: str, each: Measurement) -> dict[str, Any]:
@@ -88,8 +81,3 @@ def _row(benchmark: str, each: Measurement) -> dict[str, Any]:
 
 def _case(each: Measurement) -> str:
     return ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in each.parameters.items())
-
-
-def _replace(file: Path, content: str) -> None:
-    with replacing(file) as temporary:
-        temporary.write_text(content)

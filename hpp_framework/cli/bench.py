@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress
 
-from hpp_framework.cli.options import check_folder
+from hpp_framework.utils.run_folder import RunFolder
 
 TABLE_WIDTH = 140
 
@@ -46,10 +46,10 @@ class Bench:
         settings = Settings(scale=self.scale, device=self.device, team=self.team, seed=self.seed)
         names = self.names or tuple(BENCHMARKS)
         check(names, settings)
-        check_folder(self.out)
         machine = describe_machine(self.device)
         results: dict[str, Result] = {}
-        with Progress(console=Console(width=TABLE_WIDTH), transient=True) as progress:
+        bars = Progress(console=Console(width=TABLE_WIDTH), transient=True)
+        with RunFolder(self.out).locked(), bars as progress:
             progress.console.print(headline(machine), highlight=False)
             bar = progress.add_task(names[0], total=len(names))
             for name in names:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from rich.progress import Progress
 
-from hpp_framework.cli.options import check_folder, check_positive
+from hpp_framework.cli.options import check_positive
+from hpp_framework.utils.run_folder import RunFolder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,11 +52,10 @@ class Collect:
         config = Collection(
             trajectories=self.trajectories, steps=self.steps, world=self.world, seed=self.seed
         )
-        check_folder(self.out)
         torch.set_num_threads(1)
         total = config.chunks * config.chunk
         told = 0
-        with Progress() as progress:
+        with RunFolder(self.out).locked(), Progress() as progress:
             bar = progress.add_task("trajectories", total=total)
             for done in collect(team, config, self.out, workers=workers):
                 progress.update(bar, completed=done)

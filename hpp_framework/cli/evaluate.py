@@ -21,6 +21,7 @@ from hpp_framework.cli.options import Noise, Pairs, names, to_experiment
 from hpp_framework.cli.progress import cell_bars
 from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.run_folder import RunFolder
 
 TABLE_WIDTH = 120
 
@@ -94,7 +95,7 @@ class Evaluate:
         )
         if self.save:
             check_choice(self.save, experiment.episodes)
-        with cell_bars() as report:
+        with RunFolder(self.out).locked(), cell_bars() as report:
             summary = run_experiment(experiment, self.out, progress=report)
             saved = save_episodes(experiment, self.out, self.save, progress=report) if self.save else []
         console = Console(width=TABLE_WIDTH)

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from hpp_framework.cli.options import Noise, names
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.utils.run_folder import RunFolder
 
 TABLE_WIDTH = 120
 
@@ -70,7 +71,7 @@ class EvaluatePredictor:
             noise=self.noise.model(),
             seed=self.seed,
         )
-        with cell_bars("steps") as report:
+        with RunFolder(self.out).locked(), cell_bars("steps") as report:
             summary = run_study(study, self.out, progress=report)
         console = Console(width=TABLE_WIDTH)
         console.print(error_table(summary))

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from hpp_framework.cli.options import Noise, names
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.utils.run_folder import RunFolder
 
 TABLE_WIDTH = 140
 
@@ -71,7 +72,7 @@ class EvaluateSkill:
             seed=self.seed,
             backend=self.backend,
         )
-        with cell_bars() as report:
+        with RunFolder(self.out).locked(), cell_bars() as report:
             summary = run_study(study, self.out, progress=report)
         Console(width=TABLE_WIDTH).print(skill_table(summary))
         for title, file in (("episodes", "episodes.csv"), ("map", COMPETENCE), ("picture", PICTURE)):

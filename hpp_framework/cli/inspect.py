@@ -13,8 +13,8 @@ from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
-from hpp_framework.cli.options import check_folder
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from hpp_framework.viz.decisions import Decision
@@ -48,7 +48,7 @@ class Inspect:
         numbers = _numbers(self.step, len(found))
         folder = self.episode if self.episode.is_dir() else self.episode.parent
         out = self.out or folder / "inspect"
-        check_folder(out)
+        RunFolder(out).check()
         console = Console(width=TABLE_WIDTH, highlight=False)
         console.print(_headline(record))
         console.print(decision_table(record, found, numbers))

@@ -22,7 +22,7 @@ from hpp_framework.cli.reproduce import Reproduce
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.search import Search
 from hpp_framework.cli.train import Train
-from hpp_framework.utils.errors import HppError
+from hpp_framework.utils.errors import HppError, reason
 from hpp_framework.utils.memory import keep_freed_memory
 
 Command = (
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EDQUOT):
             raise
-        _fail(f"cannot write '{error.filename or 'the output'}': {error.strerror}. Choose another --out.", 1)
+        _fail(f"cannot write '{error.filename or 'the output'}': {reason(error)}. Choose another --out.", 1)
 
 
 def _after_interruption(command: object) -> str:

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 import tyro
 
-from hpp_framework.cli.options import check_folder, check_positive, names
+from hpp_framework.cli.options import check_positive, names
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.utils.run_folder import RunFolder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +60,8 @@ class Onboard:
         teammates = names(self.teammates, "--with") if self.teammates else ()
         onboarding = make_onboarding(self.name, teammates, self.skill, scale, **others)
         out = self.out or Path("runs") / self.name.replace("/", ".")
-        check_folder(out)
-        card = onboard(onboarding, out, workers=workers, bars=cell_bars, say=print)
+        with RunFolder(out).locked():
+            card = onboard(onboarding, out, workers=workers, bars=cell_bars, say=print)
         print(f"\n{card.read_text(encoding='utf-8')}")
         print(f"card:    {card}\nweights: {out / WEIGHTS}")
         print(_what_next(out / WEIGHTS, _own_folder(self.name)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
@@ -120,17 +119,6 @@ def only_config(command: Any, default: Any) -> None:
             f"--config repeats what '{command.config}' describes; leave out {', '.join(given)}, "
             "or leave out --config."
         )
-
-
-def check_folder(out: Path) -> None:
-    """Raise :class:`ConfigError` early if a folder cannot be created and written to."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        probe = out / ".write-test"
-        probe.write_text("x")
-        probe.unlink()
-    except OSError as error:
-        raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error
 
 
 def check_positive(**values: int) -> None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Literal
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from hpp_framework.cli.options import check_folder, check_positive, names
+from hpp_framework.cli.options import check_positive, names
+from hpp_framework.utils.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from hpp_framework.reproduction.run import Step
@@ -47,12 +48,12 @@ class Reproduce:
 
         workers = available_cores() if self.workers is None else self.workers
         check_positive(workers=workers)
-        check_folder(self.out)
         only = names(self.only, "--only") if self.only else ()
-        show_steps(reproduce(self.out, scale=self.scale, seed=self.seed, only=only, workers=workers))
-        print(*verdict_lines(write_claims(self.out)), sep="\n")
-        print(f"claims: {self.out / 'claims.json'}")
-        print(f"report: {write_report(self.out, films=self.films, say=print)}")
+        with RunFolder(self.out).locked():
+            show_steps(reproduce(self.out, scale=self.scale, seed=self.seed, only=only, workers=workers))
+            print(*verdict_lines(write_claims(self.out)), sep="\n")
+            print(f"claims: {self.out / 'claims.json'}")
+            print(f"report: {write_report(self.out, films=self.films, say=print)}")
 
 
 def show_steps(steps: Iterable[Step]) -> None:

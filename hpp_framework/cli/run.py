@@ -11,6 +11,7 @@ import tyro
 from hpp_framework.cli.options import Noise, Pairs, to_experiment
 from hpp_framework.cli.progress import cell_bars
 from hpp_framework.plugins.builtin import DEFAULT_CONTROL
+from hpp_framework.utils.run_folder import RunFolder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,5 +61,5 @@ class Run:
 
         experiment = to_experiment(self, "run", worlds=(self.world,), planners=(self.planner,), episodes=1)
         episode = self.episode if self.config is None else recorded_episode(self.config)
-        with cell_bars(unit=None) as report:
+        with RunFolder(self.out).locked(), cell_bars(unit=None) as report:
             showcase(experiment, self.out, episode=episode, report=report)

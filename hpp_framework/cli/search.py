@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import tyro
 
-from hpp_framework.cli.options import check_folder, check_positive
+from hpp_framework.cli.options import check_positive
 from hpp_framework.config.settings import parse_settings
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from hpp_framework.training.search.phase import TrialRow, Watch
@@ -66,14 +67,13 @@ class Search:
         if not 0 <= self.seed < 2**32:
             raise ConfigError(f"--seed must lie between 0 and 4294967295 (2**32 - 1), got {self.seed}.")
         out = self.out or Path("runs") / f"search-{self.name}-{self.robot}"
-        check_folder(out)
         config = SearchConfig(
             skill=self.name, robot=self.robot, out=out, steps=self.steps, workers=workers, seed=self.seed,
             trials=_numbers(self.trials, "--trials", int),
             rungs=_numbers(self.rungs, "--rungs", float) if self.rungs else (),
             init=self.init, settings=parse_settings(self.set, "--set"),
         )  # fmt: skip
-        with _bars(self.steps) as watch:
+        with RunFolder(out).locked(), _bars(self.steps) as watch:
             best = search_skill(config, watch)
         print(f"best: trial {best.number} of {best.phase}, score {best.score:.4f}")
         print(f"report: {out / REPORT}\ntrain it at full length:")

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from hpp_framework.cli.options import check_folder, check_positive, names
+from hpp_framework.cli.options import check_positive, names
 from hpp_framework.config.settings import altered, parse_settings
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from hpp_framework.core.predictor import TrainingProgress
@@ -51,12 +52,12 @@ class TrainSkill:
         if not 0 <= self.seed < 2**32:
             raise ConfigError(f"--seed must lie between 0 and 4294967295 (2**32 - 1), got {self.seed}.")
         out = self.out or Path("runs") / f"{self.name}-{self.robot}"
-        check_folder(out)
         config = SkillTraining(
             robot=self.robot, out=out, seed=self.seed, steps=self.steps, init=self.init, threads=self.threads,
             settings=parse_settings(self.set, "--set"), judge=self.judge,
         )  # fmt: skip
-        print(f"weights: {hub().skill_trainers.create(self.name, config)}")
+        with RunFolder(out).locked():
+            print(f"weights: {hub().skill_trainers.create(self.name, config)}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,7 @@ class TrainPredictor:
         workers = available_cores() if self.workers is None else self.workers
         check_positive(steps=self.steps, batch=self.batch, workers=workers)
         pairs = model_pairs(collected_team(self.data), self.agent, self.subject)
-        check_folder(self.out)
+        RunFolder(self.out).check()
         trainings = [
             PredictorTraining(
                 data=self.data, out=self.out, agent=agent, subject=subject, seed=self.seed,
@@ -153,7 +154,7 @@ class TrainMaddpg:
             )
             for seed in _seeds(self.seeds)
         ]
-        check_folder(self.out)
+        RunFolder(self.out).check()
         rows = [training.name for training in trainings]
         _show(rows, self.steps, run_tasks(train_seed, trainings, workers=self.workers))
         file, card = keep_best(trainings)

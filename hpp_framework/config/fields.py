@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import yaml
 
-from hpp_framework.utils.errors import ConfigError, suggest
+from hpp_framework.utils.errors import ConfigError, reason, suggest
 
 LARGEST = 1e4
 """Largest number a file may hold; metres, degrees, seconds or a factor."""
@@ -128,7 +128,7 @@ def read_yaml(
     try:
         content = yaml.load(file.read_text(encoding="utf-8"), _Loader)
     except OSError as error:
-        raise source.error("", f"cannot be read: {error.strerror}", "Give a readable file.") from error
+        raise source.error("", f"cannot be read: {reason(error)}", "Give a readable file.") from error
     except UnicodeDecodeError as error:
         raise source.error("", "is not a text file", "Save it as UTF-8 text.") from error
     except yaml.MarkedYAMLError as error:

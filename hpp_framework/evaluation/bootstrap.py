@@ -40,6 +40,17 @@ class Profile:
     high: Float[np.ndarray, "k"]
 
 
+def mean(strata: Sequence[Scores], rng: np.random.Generator, *, resamples: int = RESAMPLES) -> Estimate:
+    """Return the mean of all scores.
+
+    Args:
+        strata: scores, an array a world.
+        rng: of the bootstrap.
+        resamples: how often episodes are drawn again.
+    """
+    return _estimate(strata, rng, lambda scores: scores.mean(-1), resamples)
+
+
 def interquartile_mean(strata: Sequence[Scores], rng: np.random.Generator) -> Estimate:
     """Return the mean of the middle half of all scores: hardly moved by outliers, surer than the median.
 
@@ -75,7 +86,7 @@ def improvement(first: Sequence[Scores], second: Sequence[Scores], rng: np.rando
     for one, two in zip(first, second, strict=True):
         a, b = np.nan_to_num(one, nan=np.inf), np.nan_to_num(two, nan=np.inf)
         wins.append(np.where(a < b, 1.0, np.where(a == b, 0.5, 0.0)))
-    return _estimate(wins, rng, lambda scores: scores.mean(-1))
+    return mean(wins, rng)
 
 
 def performance_profile(
@@ -96,12 +107,18 @@ def performance_profile(
 
 
 def _estimate(
-    strata: Sequence[Scores], rng: np.random.Generator, number: Callable[[np.ndarray], np.ndarray]
+    strata: Sequence[Scores],
+    rng: np.random.Generator,
+    number: Callable[[np.ndarray], np.ndarray],
+    resamples: int = RESAMPLES,
 ) -> Estimate:
-    low, high = np.quantile(number(_resampled(strata, rng)), TAILS)
+    low, high = np.quantile(number(_resampled(strata, rng, resamples)), TAILS)
     return Estimate(float(number(np.concatenate(strata))), float(low), float(high))
 
 
-def _resampled(strata: Sequence[Scores], rng: np.random.Generator) -> Float[np.ndarray, "_ e"]:
+def _resampled(
+    strata: Sequence[Scores], rng: np.random.Generator, resamples: int = RESAMPLES
+) -> Float[np.ndarray, "_ e"]:
     """Draw the episodes of each world again, as many as there are, once a row."""
-    return np.concatenate([rng.choice(each, (RESAMPLES, len(each))) for each in strata if len(each)], 1)
+    # scipy.stats.bootstrap draws strata too, but refuses worlds with one episode
+    return np.concatenate([rng.choice(each, (resamples, len(each))) for each in strata if len(each)], 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -13,8 +12,7 @@ import numpy as np
 
 from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES, bin_of
 from hpp_framework.evaluation.skill_score import SkillRow, score
-from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import write_csv
 
 TRUSTED_SHARE, TRUSTED_EPISODES = 0.85, 20
 """PRM-RL connects two places if the skill gets from one to the other in at least 17 of 20 tries, success 0.85
@@ -131,13 +129,9 @@ def write_competence(file: Path, maps: Mapping[tuple[str, str], Sequence[Compete
         ConfigError: if the file cannot be written.
     """
     columns = ["skill", "world", *(field.name for field in fields(CompetenceBin))]
-    try:
-        with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, columns)
-            writer.writeheader()
-            for (skill, world), bins in maps.items():
-                for each in bins:
-                    row = asdict(each) | {"trusted": int(each.trusted)}
-                    writer.writerow({"skill": skill, "world": world, **row})
-    except OSError as error:
-        raise ConfigError(f"cannot write '{file}': {error.strerror}. Choose another --out.") from error
+    rows = (
+        {"skill": skill, "world": world, **asdict(each), "trusted": int(each.trusted)}
+        for (skill, world), bins in maps.items()
+        for each in bins
+    )
+    write_csv(file, columns, rows)

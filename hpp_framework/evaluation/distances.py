@@ -17,8 +17,7 @@ from jaxtyping import Float
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation.rollout import EPISODE_STEPS, Episodes
 from hpp_framework.evaluation.statistics import Z95
-from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import RESUME, replacing
 
 CURVES, BANDS = "distances", "distance.npz"
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
@@ -49,13 +48,8 @@ def write_curves(file: Path, curves: Float[np.ndarray, "b t"]) -> None:
     Raises:
         ConfigError: if the file cannot be written.
     """
-    try:
-        with replacing(file) as temporary, temporary.open("wb") as stream:
-            np.save(stream, curves, allow_pickle=False)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write '{file}': {error.strerror}. Finished episodes are kept; resume later."
-        ) from error
+    with replacing(file, remedy=RESUME) as temporary, temporary.open("wb") as stream:
+        np.save(stream, curves, allow_pickle=False)
 
 
 def write_bands(out: Path, worlds: Sequence[str], planners: Sequence[str], firsts: Sequence[int]) -> None:

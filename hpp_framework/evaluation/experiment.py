@@ -6,7 +6,6 @@ that comparisons are paired.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -38,6 +37,7 @@ from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.sim import BACKENDS, make_simulator
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_framework.utils.progress import Progress
+from hpp_framework.utils.run_folder import write_json
 from hpp_framework.utils.seeding import child_seed, numpy_rng
 from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
@@ -214,8 +214,8 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
         about={"team": experiment.team, "backend": experiment.backend, "seed": experiment.seed},
     )  # fmt: skip
     summary = summarise(results)
-    (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
-    (out / folder.MARL_EVAL).write_text(json.dumps(marl_eval_layout(results, experiment.task)) + "\n")
+    write_json(out / folder.SUMMARY, summary)
+    write_json(out / folder.MARL_EVAL, marl_eval_layout(results, experiment.task), indent=None)
     return summary
 
 

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hpp_framework.utils.errors import ConfigError, HppError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import ROOM, replacing
 
 COLORS = ("#f26a1b", "#1868c4", "#26965a", "#aa3ca0", "#c8a014", "#14a0aa", "#c8323c", "#6e5ac8")
 
@@ -74,7 +74,7 @@ def plot_distance(
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
-    return _save(figure, Path(file))
+    return save_figure(figure, Path(file))
 
 
 def _summary(
@@ -89,19 +89,17 @@ def _summary(
     return result[0], result[1], result[2]
 
 
-def _save(figure: Figure, file: Path) -> Path:
+def save_figure(figure: Figure, file: Path) -> Path:
+    """Write a picture, completely or not at all; returns the file.
+
+    Raises:
+        ConfigError: if there is no such format.
+        HppError: if the file cannot be written.
+    """
+    failed = f"picture '{file}' could not be written"
     try:
-        with replacing(file) as temporary:
+        with replacing(file, failed=failed, remedy=ROOM, error=HppError) as temporary:
             figure.savefig(temporary, format=file.suffix[1:] or "png")
-    except OSError as error:
-        raise _unwritable(file, error) from error
     except ValueError as error:
         raise ConfigError(f"picture '{file}': {error}. Use .png, .svg or .pdf.") from error
     return file
-
-
-def _unwritable(file: Path, error: OSError) -> HppError:
-    reason = error.strerror or str(error)
-    return HppError(
-        f"picture '{file}' could not be written: {reason}. Choose a folder that is writable and has room."
-    )

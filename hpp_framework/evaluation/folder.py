@@ -9,23 +9,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-import platform
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from hpp_framework.config.task_file import is_task_file
-from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import read_json, replacing
-from hpp_framework.utils.versions import installed
+from hpp_framework.utils.errors import ConfigError, reason
+from hpp_framework.utils.run_folder import RunFolder, differ, read_json
+from hpp_framework.utils.versions import installed_versions
 from hpp_framework.worlds.loader import SUFFIXES, load_world
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"
 MARL_EVAL = "marl_eval.json"
 RUN, EVALUATE = "run", "evaluate"
-
-PACKAGES = ("hpp-framework", "torch", "numpy", "warp-lang", "sapien", "scipy")
-"""Packages that numbers may depend on."""
 
 ADDED: Mapping[str, Any] = {"settings": {}, "members": {}}
 """What experiments of older versions did not record, as they had it."""
@@ -58,11 +55,6 @@ def record(command: str, experiment: Mapping[str, Any], planner_configs: Mapping
     return json.loads(json.dumps(content, default=str))
 
 
-def installed_versions() -> dict[str, str | None]:
-    """Return the versions that numbers may depend on."""
-    return {"python": platform.python_version(), **installed(PACKAGES)}
-
-
 def digests(worlds: Sequence[str]) -> dict[str, str]:
     """Return a digest of each world file, its meshes included; registered worlds have none.
 
@@ -88,7 +80,7 @@ def task_digest(task: str) -> str | None:
     try:
         return hashlib.sha256(Path(task.strip()).read_bytes()).hexdigest()
     except OSError as error:
-        raise ConfigError(f"task file '{task}' cannot be read: {error.strerror}.") from error
+        raise ConfigError(f"task file '{task}' cannot be read: {reason(error)}.") from error
 
 
 def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
@@ -101,29 +93,26 @@ def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
     Raises:
         ConfigError: if the folder holds something else, is damaged, or cannot be written to.
     """
-    file = out / CONFIG
-    if file.exists():
-        found = {**ADDED, **read_json(file)}
-        if isinstance(found.get("noise"), dict):
-            found["noise"] = {**ADDED_NOISE, **found["noise"]}
-        if found.get("command", EVALUATE) != EVALUATE:
-            raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
-        # what an older version did not record cannot differ
-        unknown = {"command", "world_files", "task_file"} - found.keys()
-        compared = config.keys() - unknown - set(NOT_COMPARED)
-        different = [key for key in config if key in compared and found.get(key) != config[key]]
-        if different:
-            names = ", ".join(CONTENTS.get(key, key) for key in different)
-            raise ConfigError(
-                f"'{out}' holds another experiment ({names} differ). Choose another --out, or "
-                "repeat the same options to resume it."
-            )
-        return
-    if (out / EPISODES).exists():
+    if (out / EPISODES).exists() and not (out / CONFIG).exists():
         raise ConfigError(
             f"'{out}' holds {EPISODES} but no {CONFIG} that says what of. Choose another --out."
         )
-    _write_config(out, config)
+    RunFolder(out).claim(
+        CONFIG, config, what="experiment", compare=partial(_differences, out),
+        remedy="Choose another --out, or repeat the same options to resume it.",
+    )  # fmt: skip
+
+
+def _differences(out: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> str:
+    """Return what keeps an evaluation from being resumed; what an older version left out cannot differ."""
+    found = {**ADDED, **recorded}
+    if isinstance(found.get("noise"), dict):
+        found["noise"] = {**ADDED_NOISE, **found["noise"]}
+    if found.get("command", EVALUATE) != EVALUATE:
+        raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
+    unknown = {"command", "world_files", "task_file"} - found.keys()
+    compared = [key for key in config if key not in unknown and key not in NOT_COMPARED]
+    return differ(CONTENTS.get(key, key) for key in compared if found.get(key) != config[key])
 
 
 def open_run(out: Path, config: Mapping[str, Any]) -> None:
@@ -140,7 +129,7 @@ def open_run(out: Path, config: Mapping[str, Any]) -> None:
     evaluated = (out / EPISODES).exists()
     if evaluated or (file.exists() and read_json(file).get("command", RUN) != RUN):
         raise ConfigError(f"'{out}' holds what `hpp evaluate` wrote. Choose another --out.")
-    _write_config(out, config)
+    RunFolder(out).write_record(CONFIG, config)
 
 
 def read_config(file: Path, command: str) -> dict[str, Any]:
@@ -169,11 +158,3 @@ def read_config(file: Path, command: str) -> dict[str, Any]:
             "Restore it, or give the options without --config."
         )
     return found
-
-
-def _write_config(out: Path, config: Mapping[str, Any]) -> None:
-    try:
-        with replacing(out / CONFIG) as temporary:
-            temporary.write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error

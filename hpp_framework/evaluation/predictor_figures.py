@@ -9,9 +9,9 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from hpp_framework.evaluation.figures import save_figure
 from hpp_framework.evaluation.predictor_score import ALL, ALL_WORLDS, LEVELS, ErrorRow, coverage
 from hpp_framework.evaluation.predictor_trials import Misses
-from hpp_framework.evaluation.skill_figures import save_figure
 
 COLORS = ("#2364aa", "#d1495b", "#3a9d23", "#8e5ea2", "#ea7317", "#00798c", "#6b4226")
 PLAIN = {"constant-velocity": ("#8a8f99", "--"), "empty-world": ("#20242c", ":")}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,8 +33,8 @@ from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.prediction.library import find_cards
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
 from hpp_framework.utils.progress import Progress
+from hpp_framework.utils.run_folder import write_json, write_text
 from hpp_framework.worlds.loader import resolve_world
 
 BASELINES = ("constant-velocity", "empty-world")
@@ -124,8 +123,8 @@ def run_study(
     write_rows(out / ERRORS, errors, ErrorRow)
     write_rows(out / CALIBRATION, calibration, CalibrationRow)
     summary = _summary(study, errors, calibration)
-    _write(out / folder.SUMMARY, json.dumps(summary, indent=2) + "\n")
-    _write(out / REPORT, report(summary, _draw(study, team, out, errors, cells)))
+    write_json(out / folder.SUMMARY, summary)
+    write_text(out / REPORT, report(summary, _draw(study, team, out, errors, cells)))
     return summary
 
 
@@ -243,11 +242,3 @@ def _summary(
             kept = {k: v for k, v in asdict(row).items() if k.startswith(("coverage", "nll", "std"))}
             out[row.predictor, row.world, row.role]["calibration"] = kept
     return list(out.values())
-
-
-def _write(file: Path, text: str) -> None:
-    try:
-        with replacing(file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot write '{file}': {error.strerror}. Choose another --out.") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,8 +18,8 @@ from hpp_framework.evaluation.figures import plot_distance
 from hpp_framework.evaluation.replay import Replay, describe, replay
 from hpp_framework.evaluation.rollout import median_ms
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import read_json
 from hpp_framework.utils.progress import Progress
+from hpp_framework.utils.run_folder import read_json, write_json
 from hpp_framework.viz.film import FRAMES_PER_STEP, Camera, Frame, frame_count, frames
 from hpp_framework.viz.marks import WHITE, robot_colors
 from hpp_framework.viz.record import EpisodeRecord
@@ -101,7 +100,7 @@ def _write(
     record = shown.record(config["episode"], about)
     ended = {name: value for name, value in record.about.items() if name not in ("config", "planner_config")}
     summary = {**ended, "plan_ms_median": round(median_ms(episodes.plan_seconds), 3)}
-    (out / folder.SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
+    write_json(out / folder.SUMMARY, summary)
     save_record(out / FILE, record)
     task = task_name(config["task"])
     verdict = f"{task} after {summary['time_s']} s" if summary["success"] else f"no {task} within 20 s"

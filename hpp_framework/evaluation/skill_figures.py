@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from hpp_framework.evaluation.competence import TRUSTED_EPISODES, TRUSTED_SHARE, CompetenceBin
+from hpp_framework.evaluation.figures import save_figure
 from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES
-from hpp_framework.utils.errors import ConfigError, HppError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.errors import ConfigError
 
 PANEL = (4.6, 3.3)
 """Inches a map."""
@@ -89,23 +89,3 @@ def _draw(axes: Any, bins: Sequence[CompetenceBin]) -> None:
     axes.set_ylabel("clearance of the journey [m]", fontsize=9)
     axes.tick_params(length=0, labelsize=8)
     axes.spines[:].set_visible(False)
-
-
-def save_figure(figure: Figure, file: Path) -> Path:
-    """Write a picture, completely or not at all; returns the file.
-
-    Raises:
-        ConfigError: if there is no such format.
-        HppError: if the file cannot be written.
-    """
-    try:
-        with replacing(file) as temporary:
-            figure.savefig(temporary, format=file.suffix[1:] or "png")
-    except OSError as error:
-        raise HppError(
-            f"picture '{file}' could not be written: {error.strerror or error}. Choose a folder that is "
-            "writable and has room."
-        ) from error
-    except ValueError as error:
-        raise ConfigError(f"picture '{file}': {error}. Use .png, .svg or .pdf.") from error
-    return file

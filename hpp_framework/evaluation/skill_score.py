@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from hpp_framework.evaluation.bootstrap import mean
 from hpp_framework.evaluation.statistics import wilson_interval
 from hpp_framework.utils.seeding import numpy_rng
 
@@ -106,7 +106,7 @@ def score(rows: Sequence[SkillRow]) -> SkillScore:
         rows: at least one.
     """
     spl = np.array([row.spl for row in rows])
-    low, high = bootstrap_interval(spl)
+    overall = mean([spl], numpy_rng(0, "bootstrap"), resamples=RESAMPLES)
     times = [row.time_s for row in rows if row.success]
     ratios = [row.time_ratio for row in rows if row.success]
     rates: dict[str, float] = {}
@@ -115,15 +115,7 @@ def score(rows: Sequence[SkillRow]) -> SkillScore:
         bounds = wilson_interval(count, len(rows))
         rates |= {name: count / len(rows), f"{name}_low": bounds[0], f"{name}_high": bounds[1]}
     return SkillScore(
-        episodes=len(rows), **rates, spl=float(spl.mean()), spl_low=low, spl_high=high,
+        episodes=len(rows), **rates, spl=overall.value, spl_low=overall.low, spl_high=overall.high,
         time_median_s=float(np.median(times)) if times else None,
         time_ratio_median=float(np.median(ratios)) if ratios else None,
     )  # fmt: skip
-
-
-def bootstrap_interval(values: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of a mean (Efron 1979), the same for equal values."""
-    rng = numpy_rng(0, "bootstrap")
-    means = [values[rng.integers(len(values), size=len(values))].mean() for _ in range(RESAMPLES)]
-    low, high = np.quantile(means, (0.025, 0.975))
-    return float(low), float(high)

@@ -6,7 +6,6 @@ comparisons are paired.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -25,8 +24,8 @@ from hpp_framework.evaluation.trial import Draw, Trial
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim import make_simulator
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
 from hpp_framework.utils.progress import Progress
+from hpp_framework.utils.run_folder import write_json
 
 COMPETENCE, PICTURE = "competence.csv", "competence.png"
 ALL = "all worlds"
@@ -126,7 +125,7 @@ def run_study(study: SkillStudy, out: Path, *, progress: Progress = lambda *_: N
         {"skill": skill, "world": world, **common, **competence_card(part)}
         for (skill, world), part in cells.items()
     ]
-    _write(out / folder.SUMMARY, json.dumps(summary, indent=2) + "\n")
+    write_json(out / folder.SUMMARY, summary, remedy="Finished cells are kept; resume later.")
     return summary
 
 
@@ -167,15 +166,3 @@ def _run_world(
             write_rows(file, rows, SkillRow)
         progress(cell, study.episodes, study.episodes)
     return rows
-
-
-def _write(file: Path, text: str) -> None:
-    try:
-        with replacing(file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise _cannot_write(file, error) from error
-
-
-def _cannot_write(file: Path, error: OSError) -> ConfigError:
-    return ConfigError(f"cannot write '{file}': {error.strerror}. Finished cells are kept; resume later.")

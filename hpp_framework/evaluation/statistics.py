@@ -32,21 +32,12 @@ class Estimate:
         return [round(each, 4) for each in (self.value, self.low, self.high)]
 
 
-def wilson_interval(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
-    """Return the Wilson score interval of a rate (Wilson 1927), 95 % by default.
-
-    Args:
-        successes: how many succeeded.
-        trials: how many there were; 0 gives (0, 1).
-        z: standard normal quantile.
-    """
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Return the 95 % Wilson score interval of a rate (Wilson 1927); (0, 1) without trials."""
     if trials == 0:
         return 0.0, 1.0
-    rate = successes / trials
-    scale = 1 + z * z / trials
-    middle = (rate + z * z / (2 * trials)) / scale
-    half = z * math.sqrt(rate * (1 - rate) / trials + z * z / (4 * trials * trials)) / scale
-    return max(0.0, middle - half), min(1.0, middle + half)
+    interval: Any = stats.binomtest(successes, trials).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def rate(successes: Bool[np.ndarray, "e"]) -> Estimate:

@@ -8,8 +8,8 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.errors import ConfigError, reason
+from hpp_framework.utils.run_folder import RESUME, write_csv
 
 Row = TypeVar("Row")
 
@@ -38,7 +38,7 @@ def read_rows(file: Path, kind: type[Row]) -> list[Row]:
                 raise ConfigError(f"'{file}' is damaged, its columns are not {', '.join(readers)}. {remedy}")
             return [kind(**{name: readers[name](value) for name, value in row.items()}) for row in table]
     except OSError as error:
-        raise ConfigError(f"cannot read '{file}': {error.strerror}. Choose another --out.") from error
+        raise ConfigError(f"cannot read '{file}': {reason(error)}. Choose another --out.") from error
     except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise ConfigError(f"'{file}' is damaged ({error!r}). {remedy}") from error
 
@@ -54,13 +54,6 @@ def write_rows(file: Path, rows: Sequence[object], kind: type[Any]) -> None:
     Raises:
         ConfigError: if the file cannot be written.
     """
-    try:
-        with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, [field.name for field in fields(kind)])
-            writer.writeheader()
-            every: Sequence[Any] = rows
-            writer.writerows(asdict(row) for row in every)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write '{file}': {error.strerror}. Finished episodes are kept; resume later."
-        ) from error
+    every: Sequence[Any] = rows
+    columns = [field.name for field in fields(kind)]
+    write_csv(file, columns, map(asdict, every), remedy=RESUME)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.evaluation.folder import SUMMARY, installed_versions
+from hpp_framework.evaluation.folder import SUMMARY
 from hpp_framework.onboarding.config import Onboarding
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import load_json, write_json, write_text
+from hpp_framework.utils.versions import installed_versions
 
 CARD = "card"
 SERIOUS = 1000
@@ -27,17 +27,14 @@ def write_card(onboarding: Onboarding, out: Path) -> Path:
         "rendezvous": _summaries(out / "rendezvous"),
         "versions": installed_versions(),
     }
-    texts = {".json": json.dumps(card, indent=2), ".md": "\n".join(_lines(onboarding, card))}
-    for suffix, text in texts.items():
-        with replacing(out / f"{CARD}{suffix}") as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
-    return out / f"{CARD}.md"
+    write_json(out / f"{CARD}.json", card)
+    return write_text(out / f"{CARD}.md", "\n".join(_lines(onboarding, card)) + "\n")
 
 
 def _summaries(folder: Path) -> dict[str, Any]:
     """Return what stages of one kind came to, by the robots they are about."""
     files = sorted(folder.glob(f"*/{SUMMARY}"))
-    return {file.parent.name: json.loads(file.read_text(encoding="utf-8")) for file in files}
+    return {file.parent.name: load_json(file) for file in files}
 
 
 def _lines(onboarding: Onboarding, card: dict[str, Any]) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -13,8 +12,8 @@ from hpp_framework.onboarding.config import Onboarding
 from hpp_framework.onboarding.stages import WEIGHTS, Stage, make_stages
 from hpp_framework.plugins.weights import WEIGHTS_VARIABLE, require_same_run
 from hpp_framework.testing import check_robot, check_skill
-from hpp_framework.utils.files import read_json, replacing
 from hpp_framework.utils.progress import Progress
+from hpp_framework.utils.run_folder import read_json, write_json
 
 RECORD = "onboarding.json"
 """Says which onboarding a folder holds, and what was there already when it began."""
@@ -94,8 +93,7 @@ def _open(onboarding: Onboarding, out: Path) -> None:
     if file.exists():
         require_same_run(file, read_json(file), record)
         return
-    with replacing(file) as temporary:
-        temporary.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(file, record)
 
 
 @contextmanager

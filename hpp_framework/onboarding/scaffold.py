@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from hpp_framework.onboarding.names import Name
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.errors import ConfigError, reason
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 COMMON = "common"
@@ -56,7 +56,7 @@ def write_package(
             target.write_text(content, encoding="utf-8")
     except OSError as error:
         raise ConfigError(
-            f"cannot write '{error.filename}': {error.strerror}. Choose another --out."
+            f"cannot write '{error.filename}': {reason(error)}. Choose another --out."
         ) from error
     return [folder / path for path in sorted(contents)]
 

@@ -24,8 +24,8 @@ from hpp_framework.prediction.collect import collect
 from hpp_framework.prediction.library import find_model, model_pairs
 from hpp_framework.training.predictors import train_predictors
 from hpp_framework.utils.errors import CheckpointError, ConfigError
-from hpp_framework.utils.files import read_json
 from hpp_framework.utils.progress import Progress
+from hpp_framework.utils.run_folder import read_json
 
 WEIGHTS = "weights"
 

@@ -12,16 +12,20 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import CheckpointError, ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import write_bytes, write_json
 
 FORMAT = 1
 WEIGHTS_VARIABLE = "HPP_WEIGHTS"
 """Environment variable with more folders of weights, separated as in PATH; workers inherit it."""
+
+RESUMES = (
+    "Free space or allow writing; the same command then resumes from the last snapshot, if there is one."
+)
 
 
 def save_checkpoint(file: Path, weights: Mapping[str, Tensor], metadata: Mapping[str, Any]) -> None:
@@ -37,20 +41,9 @@ def save_checkpoint(file: Path, weights: Mapping[str, Tensor], metadata: Mapping
     """
     described = {"format": FORMAT, **metadata}
     tensors = {name: tensor.detach().cpu().contiguous().float() for name, tensor in weights.items()}
-    try:
-        with replacing(file) as temporary:
-            save_file(tensors, temporary, metadata={"card": json.dumps(described)})
-        file.with_suffix(".json").write_text(json.dumps(described, indent=2) + "\n")
-    except (SafetensorError, OSError) as error:
-        raise CheckpointError(cannot_write(file, error)) from error
-
-
-def cannot_write(file: Path, error: Exception) -> str:
-    """Return what to say when weights or a snapshot cannot be written."""
-    return (
-        f"cannot write '{file}': {error}. Free space or allow writing; the same command then resumes from "
-        "the last snapshot, if there is one."
-    )
+    content = save(tensors, metadata={"card": json.dumps(described)})
+    write_bytes(file, content, remedy=RESUMES, error=CheckpointError)
+    write_json(file.with_suffix(".json"), described, remedy=RESUMES, error=CheckpointError)
 
 
 def load_checkpoint(file: Path, expected: Mapping[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -73,7 +66,7 @@ def load_checkpoint(file: Path, expected: Mapping[str, Any]) -> tuple[dict[str, 
         with safe_open(file, framework="pt") as stream:
             metadata: Any = json.loads((stream.metadata() or {}).get("card", "{}"))
             weights = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118  # not a dict
-    except (SafetensorError, OSError, json.JSONDecodeError) as error:
+    except (SafetensorError, OSError, ValueError, RecursionError) as error:
         raise CheckpointError(
             f"weights file '{file}' cannot be read: {error}. Train or copy it again."
         ) from error
@@ -184,19 +177,22 @@ def require_same_run(file: Path, saved: Mapping[str, Any], wanted: Mapping[str, 
         ConfigError: if any differ; names them and the remedy.
     """
     plain: dict[str, Any] = json.loads(json.dumps(dict(wanted)))
-    different = [key for key in plain if saved.get(key) != plain[key]]
+    different = differences(saved, plain)
     if different:
         raise ConfigError(
-            f"'{file}' is the snapshot of another training: "
-            f"{', '.join(_difference(key, saved.get(key), plain[key]) for key in different)}. "
+            f"'{file}' is the snapshot of another training: {', '.join(different)}. "
             "Give the same options to resume it, choose another --out, or delete the snapshot."
         )
 
 
-def _difference(key: str, saved: object, wanted: object) -> str:
-    if isinstance(saved, dict | list) or isinstance(wanted, dict | list):
-        return f"{key} differs"
-    return f"{key} was {saved!r}, is {wanted!r}"
+def differences(saved: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+    """Return how a record differs from the one wanted, a phrase for each entry; long values are left out."""
+    found = {key: (saved.get(key), value) for key, value in wanted.items() if saved.get(key) != value}
+    return [
+        f"{key} differs" if any(isinstance(value, dict) for value in pair)
+        else f"{key} was {pair[0]!r}, is {pair[1]!r}"
+        for key, pair in found.items()
+    ]  # fmt: skip
 
 
 def file_digest(file: Path | None) -> str | None:

@@ -7,7 +7,6 @@ into memory. A chunk depends on the seed and its number only, so collection can 
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -28,7 +27,7 @@ from hpp_framework.plugins.build import make_skills
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.executor import Report, run_tasks
-from hpp_framework.utils.files import read_json
+from hpp_framework.utils.run_folder import RunFolder, replacing
 from hpp_framework.utils.seeding import child_seed, numpy_rng
 from hpp_framework.worlds.pool import WorldPool, build_pool, draw_starts
 
@@ -155,36 +154,17 @@ def describe(team: Team, config: Collection) -> dict[str, Any]:
 
 
 def _open_folder(out: Path, meta: dict[str, Any]) -> None:
-    file = out / "meta.json"
-    if file.exists():
-        found = read_json(file)
-        different = [key for key in meta if found.get(key) != meta[key]]
-        if different:
-            raise ConfigError(
-                f"'{out}' holds another collection ({', '.join(different)} differ). Choose another --out, or "
-                "the same team, seed and settings to extend it."
-            )
-        return
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(meta, indent=2) + "\n")
-    except OSError as error:
-        raise ConfigError(f"cannot write to '{out}': {error}. Choose another --out.") from error
+    RunFolder(out).claim(
+        "meta.json", meta, what="collection",
+        remedy="Choose another --out, or the same team, seed and settings to extend it.",
+    )  # fmt: skip
 
 
 def _write_chunk(target: Path, arrays: dict[str, npt.NDArray[Any]]) -> None:
-    temporary = target.with_suffix(".tmp")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
-        temporary.mkdir(parents=True)
+    with replacing(target, remedy="Earlier chunks are kept; free space and resume.") as temporary:
+        temporary.mkdir()
         for name, array in arrays.items():
-            np.save(temporary / f"{name}.npy", array)
-        temporary.replace(target)
-    except OSError as error:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise ConfigError(
-            f"cannot write '{target}': {error}. Earlier chunks are kept; free space and resume."
-        ) from error
+            np.save(temporary / f"{name}.npy", array, allow_pickle=False)
 
 
 @dataclass(frozen=True)

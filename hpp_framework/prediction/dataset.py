@@ -18,7 +18,7 @@ from hpp_framework.perception.sensing import HISTORY, KEYFRAME_EVERY
 from hpp_framework.plugins.registry import hub
 from hpp_framework.prediction.collect import FORMAT, SCAN_UNIT
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import read_json
+from hpp_framework.utils.run_folder import read_json
 
 VALIDATION_SHARE = 0.1
 CHUNKS_PER_BATCH = 4
@@ -212,7 +212,7 @@ def _read_meta(folder: Path) -> dict[str, Any]:
 def _load(file: Path) -> npt.NDArray[Any]:
     """Map an array of a chunk into memory."""
     try:
-        return np.load(file, mmap_mode="r")
+        return np.load(file, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise ConfigError(
             f"'{file}' is missing or damaged: {error}. Delete the folder '{file.parent}' and run the same "

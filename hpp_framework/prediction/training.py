@@ -16,13 +16,8 @@ from torch import Tensor, nn
 
 from hpp_framework.core.predictor import PredictorTraining, TrainingProgress
 from hpp_framework.core.robot import RobotSpec
-from hpp_framework.plugins.weights import (
-    load_checkpoint,
-    load_into,
-    portable,
-    require_same_run,
-    save_checkpoint,
-)
+from hpp_framework.plugins.snapshots import load_snapshot, remove_snapshot, save_snapshot
+from hpp_framework.plugins.weights import load_checkpoint, portable, save_checkpoint
 from hpp_framework.prediction.dataset import Batch, Prepared, TrajectoryData
 from hpp_framework.prediction.library import expected_metadata, file_name, find_members
 from hpp_framework.utils.errors import CheckpointError
@@ -108,8 +103,7 @@ def train_model(config: PredictorTraining, recipe: Recipe) -> Path:
         "curve": curve,
     }
     save_checkpoint(file, model.state_dict(), metadata)
-    _resume_file(file).unlink(missing_ok=True)
-    _resume_file(file).with_suffix(".json").unlink(missing_ok=True)
+    remove_snapshot(_resume_file(file))
     return file
 
 
@@ -140,7 +134,9 @@ def _fit(model: nn.Module, batches: _Batches, file: Path) -> list[list[float]]:
     config, recipe = batches.config, batches.recipe
     optimiser = torch.optim.Adam(model.parameters(), lr=config.learning_rate, fused=True)
     run = _run(config, batches.data)
-    start, curve = _resume(model, optimiser, file, run)
+    counters = {"step": int, "curve": list}
+    found = load_snapshot(_resume_file(file), model, optimiser, run, counters) or {"step": 0, "curve": []}
+    start, curve = found["step"], found["curve"]
     _report(config, file, start, "")
     total = torch.zeros(())
     counted = 0
@@ -159,7 +155,8 @@ def _fit(model: nn.Module, batches: _Batches, file: Path) -> list[list[float]]:
             errors = _validate(model, batches)
             _report(config, file, done, "", _held_out(errors, recipe))
         if done % SNAPSHOT_EVERY == 0 and not last:
-            _save_resume(model, optimiser, file, {"step": done, "curve": curve, "run": run})
+            metadata = {"step": done, "curve": curve, "run": run}
+            save_snapshot(_resume_file(file), model, optimiser, metadata)
     return curve
 
 
@@ -247,39 +244,6 @@ def _is_finished(file: Path, run: dict[str, Any]) -> bool:
 
 def _resume_file(file: Path) -> Path:
     return file.with_name(f"{file.stem}.resume.safetensors")
-
-
-def _save_resume(
-    model: nn.Module, optimiser: torch.optim.Optimizer, file: Path, metadata: dict[str, Any]
-) -> None:
-    weights = {f"model.{name}": value for name, value in model.state_dict().items()}
-    for index, entry in optimiser.state_dict()["state"].items():
-        weights |= {
-            f"adam.{index}.{name}": value.reshape(value.shape or (1,)) for name, value in entry.items()
-        }
-    save_checkpoint(_resume_file(file), weights, metadata)
-
-
-def _resume(
-    model: nn.Module, optimiser: torch.optim.Optimizer, file: Path, run: dict[str, Any]
-) -> tuple[int, list[list[float]]]:
-    """Load the snapshot of this training, if there is one; returns the next step and the curve so far."""
-    snapshot = _resume_file(file)
-    if not snapshot.exists():
-        return 0, []
-    try:
-        weights, metadata = load_checkpoint(snapshot, {})
-    except CheckpointError as error:
-        raise CheckpointError(f"{error} Or delete this snapshot to begin anew.") from error
-    require_same_run(snapshot, metadata.get("run", {}), run)
-    load_into(model, {n[6:]: v for n, v in weights.items() if n.startswith("model.")}, snapshot)
-    state: dict[int, dict[str, Any]] = {}
-    for name, value in weights.items():
-        if name.startswith("adam."):
-            _, index, key = name.split(".")
-            state.setdefault(int(index), {})[key] = value.reshape(()) if key == "step" else value
-    optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
-    return metadata["step"], metadata["curve"]
 
 
 def constant_velocity_error(batch: Batch, offsets: tuple[int, ...]) -> Tensor:

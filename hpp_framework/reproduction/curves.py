@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.weights import find_weights, weight_folders
 from hpp_framework.prediction.library import find_cards
 from hpp_framework.reproduction.plan import Curves
-from hpp_framework.utils.files import read_json, replacing
+from hpp_framework.utils.run_folder import read_json, write_json
 
 
 def collect_curves(work: Curves, folder: Path) -> None:
@@ -30,8 +29,7 @@ def collect_curves(work: Curves, folder: Path) -> None:
         CheckpointError: if MADDPG was not trained for the team.
     """
     content = _maddpg(work) if work.source == "maddpg" else {"losses": _losses(work)}
-    with replacing(folder / SUMMARY) as temporary:
-        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    write_json(folder / SUMMARY, content)
 
 
 def _maddpg(work: Curves) -> dict[str, Any]:

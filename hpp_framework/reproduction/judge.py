@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from hpp_framework.reproduction.statements import claims
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import write_json
 
 CLAIMS = "claims.json"
 
@@ -26,10 +25,8 @@ def write_claims(out: Path) -> list[dict[str, Any]]:
         ConfigError: if results are damaged.
     """
     rows = [claim.as_row() for claim in claims(out)]
-    with replacing(out / CLAIMS) as temporary:
-        # numbers that are not finite are no JSON
-        text = json.dumps(_finite(rows), indent=2, allow_nan=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
+    # numbers that are not finite are no JSON
+    write_json(out / CLAIMS, _finite(rows))
     return rows
 
 

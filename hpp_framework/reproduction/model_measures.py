@@ -17,7 +17,7 @@ from hpp_framework.evaluation.table import read_rows
 from hpp_framework.reproduction.claims import Part, side
 from hpp_framework.reproduction.measures import ENOUGH
 from hpp_framework.reproduction.plan import EXPERIMENTS
-from hpp_framework.utils.files import read_json
+from hpp_framework.utils.run_folder import read_json
 
 LEVEL = 0.02
 """Share by which a loss may still fall over the last tenth of a training that has converged."""

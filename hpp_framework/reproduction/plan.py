@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -11,10 +10,11 @@ from typing import Any, Literal
 
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.evaluation.experiment import Experiment
-from hpp_framework.evaluation.folder import CONFIG, installed_versions
+from hpp_framework.evaluation.folder import CONFIG
 from hpp_framework.evaluation.predictor_study import PredictorStudy
-from hpp_framework.utils.errors import ConfigError, unknown_name
-from hpp_framework.utils.files import read_json, replacing
+from hpp_framework.utils.errors import unknown_name
+from hpp_framework.utils.run_folder import RunFolder, differ
+from hpp_framework.utils.versions import installed_versions
 
 PLAN, EXPERIMENTS = "plan.json", "experiments"
 PLANNERS, PREDICTOR, CURVE = "planners", "predictor", "curve"
@@ -164,6 +164,10 @@ def _asked(plan: Mapping[str, Any]) -> dict[str, Any]:
     return {"scale": plan.get("scale"), "seed": plan.get("seed"), "experiments": asked}
 
 
+def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
+    return differ(key for key, value in _asked(wanted).items() if _asked(found)[key] != value)
+
+
 def write_plan(out: Path, scale: str, seed: int, planned: Sequence[Planned]) -> None:
     """Write ``plan.json``, or check that the folder holds the same reproduction.
 
@@ -176,7 +180,7 @@ def write_plan(out: Path, scale: str, seed: int, planned: Sequence[Planned]) -> 
     Raises:
         ConfigError: if the folder holds another reproduction, is damaged, or cannot be written.
     """
-    content = json.loads(json.dumps({
+    content = {
         "scale": scale, "seed": seed, "versions": installed_versions(),
         "experiments": [
             {"name": each.name, "title": each.title, "kind": each.kind, "figure": each.figure,
@@ -184,19 +188,8 @@ def write_plan(out: Path, scale: str, seed: int, planned: Sequence[Planned]) -> 
              "arguments": asdict(each.work)}
             for each in planned
         ],
-    }))  # fmt: skip
-    file = out / PLAN
-    if file.exists():
-        found = read_json(file)
-        different = [key for key, value in _asked(content).items() if _asked(found).get(key) != value]
-        if different:
-            raise ConfigError(
-                f"'{out}' holds another reproduction ({', '.join(different)} differ). Choose another --out, "
-                "or repeat the same options to resume it."
-            )
-        return
-    try:
-        with replacing(file) as temporary:
-            temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot write to '{out}': {error.strerror}. Choose another --out.") from error
+    }  # fmt: skip
+    RunFolder(out).claim(
+        PLAN, content, what="reproduction", compare=_differences,
+        remedy="Choose another --out, or repeat the same options to resume it.",
+    )  # fmt: skip

@@ -25,7 +25,7 @@ from hpp_framework.reproduction.report_sections import (
 )
 from hpp_framework.reproduction.report_svg import with_own_names
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import replacing
 
 PAGE = "index.html"
 TEMPLATE = Path(__file__).with_name("report_page.html")

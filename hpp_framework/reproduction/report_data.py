@@ -17,7 +17,7 @@ from hpp_framework.evaluation.distances import BANDS
 from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.table import read_rows
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import read_json
+from hpp_framework.utils.run_folder import read_json
 
 PLAN, CLAIMS, EXPERIMENTS, REPORT = "plan.json", "claims.json", "experiments", "report"
 PLANNERS, PREDICTOR, CURVE = "planners", "predictor", "curve"

@@ -22,7 +22,7 @@ from hpp_framework.evaluation.saving import CHOICES
 from hpp_framework.reproduction.report_data import REPORT, Ran
 from hpp_framework.reproduction.report_html import anchor
 from hpp_framework.reproduction.report_names import privileged
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import replacing
 from hpp_framework.viz.record import EpisodeRecord
 from hpp_framework.viz.record_file import load_record, save_record
 from hpp_framework.worlds.loader import resolve_world

@@ -23,10 +23,11 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import nn
 
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
-from hpp_framework.plugins.weights import cannot_write
+from hpp_framework.plugins.weights import RESUMES
 from hpp_framework.training.adapter import Sb3Adapter
-from hpp_framework.training.snapshots import describe_run, load_snapshot, save_snapshot
-from hpp_framework.utils.errors import CheckpointError
+from hpp_framework.training.snapshots import load_snapshot, save_snapshot
+from hpp_framework.utils.errors import CheckpointError, reason
+from hpp_framework.utils.run_folder import RunFolder
 
 CURVE = "curve.jsonl"
 
@@ -119,11 +120,17 @@ class _Progress(BaseCallback):
     """Progress bar, learning curve on disk, resumable snapshots, clean interruption."""
 
     def __init__(
-        self, out: Path, total: int, config: PpoConfig, share: Callable[[float], float], progress: Progress
+        self,
+        out: Path,
+        total: int,
+        config: PpoConfig,
+        share: Callable[[float], float],
+        run: Mapping[str, Any],
+        progress: Progress,
     ) -> None:
         super().__init__()
         self.out, self.total, self.progress, self.share = out, total, progress, share
-        self.config = config
+        self.config, self.run = config, run
         self.interrupted = False
         self._began = perf_counter()
         self._task = progress.add_task("training", total=total)
@@ -158,13 +165,13 @@ class _Progress(BaseCallback):
             with curve.open("a") as stream:
                 stream.write(json.dumps(row) + "\n")
         except OSError as error:
-            raise CheckpointError(cannot_write(curve, error)) from error
+            raise CheckpointError(f"cannot write '{curve}': {reason(error)}. {RESUMES}") from error
         self.progress.update(
             self._task, completed=self.num_timesteps, description=f"training, success {success:.3f}"
         )
         assert isinstance(self.model, PPO)
         if (self.num_timesteps // self.model.n_steps // self.training_env.num_envs) % 20 == 0:
-            save_snapshot(self.model, self.out)
+            save_snapshot(self.model, self.out, self.run)
 
 
 def train_ppo(
@@ -201,14 +208,12 @@ def train_ppo(
     """
     config = config or PpoConfig()
     described = {**(run or {}), "seed": seed, "steps": steps, "ppo": asdict(config)}
+    RunFolder(out).check()
     adapter = Sb3Adapter(env, seed)
-    model = load_snapshot(out, adapter, described)
-    if model is None:
-        describe_run(out, described)
-        model = _fresh(adapter, encoder, width, out, seed, config)
-        if initial:
-            initial(model)
-    _learn(model, out, steps, config, share)
+    model = _fresh(adapter, encoder, width, out, seed, config)
+    if not load_snapshot(model, out, described) and initial:
+        initial(model)
+    _learn(model, out, steps, config, share, described)
     return model
 
 
@@ -250,13 +255,20 @@ def _tensorboard(out: Path) -> str | None:
     return str(out / "tensorboard") if find_spec("tensorboard") else None
 
 
-def _learn(model: PPO, out: Path, steps: int, config: PpoConfig, share: Callable[[float], float]) -> None:
+def _learn(
+    model: PPO,
+    out: Path,
+    steps: int,
+    config: PpoConfig,
+    share: Callable[[float], float],
+    run: Mapping[str, Any],
+) -> None:
     """Train up to ``steps`` in all; an interruption ends the update, saves and raises KeyboardInterrupt."""
     left = steps - model.num_timesteps
     adapter = model.get_env()
     assert isinstance(adapter, Sb3Adapter)
     with Progress() as progress:
-        callback = _Progress(out, steps, config, share, progress)
+        callback = _Progress(out, steps, config, share, run, progress)
         previous = signal.signal(signal.SIGINT, lambda *_: setattr(callback, "interrupted", True))
         try:
             if left > 0:
@@ -265,7 +277,7 @@ def _learn(model: PPO, out: Path, steps: int, config: PpoConfig, share: Callable
         finally:
             signal.signal(signal.SIGINT, previous)
     if callback.interrupted:
-        save_snapshot(model, out)
+        save_snapshot(model, out, run)
         raise KeyboardInterrupt
 
 

@@ -34,6 +34,11 @@ class HppWarning(UserWarning):
     """Base of the warnings of this package."""
 
 
+def reason(error: OSError) -> str:
+    """Return why the system refused, in words."""
+    return error.strerror or str(error) or type(error).__name__
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """Return `` Did you mean 'x'?`` for the nearest known name, or an empty string."""
     names = list(known)

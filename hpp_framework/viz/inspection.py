@@ -13,8 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import write_bytes
 from hpp_framework.viz import marks
 from hpp_framework.viz.backdrop import INK, Image
 from hpp_framework.viz.decisions import HORIZONS, Decision, imagined
@@ -227,10 +226,4 @@ def _cells(record: EpisodeRecord, decision: Decision) -> list[str]:
 
 
 def _write(file: Path, content: bytes) -> Path:
-    try:
-        with replacing(file) as temporary:
-            temporary.write_bytes(content)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise ConfigError(f"'{file}' could not be written: {reason}. Choose another --out.") from error
-    return file
+    return write_bytes(file, content, failed=f"'{file}' could not be written")

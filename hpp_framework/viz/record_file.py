@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from hpp_framework.core.robot import DriveLimits, Lidar, RobotSpec
-from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.errors import ConfigError, reason
+from hpp_framework.utils.run_folder import ROOM, replacing
 from hpp_framework.viz.floor_plan import FloorPlan
 from hpp_framework.viz.record import AgentRecord, EpisodeRecord, Plan
 
@@ -63,15 +63,10 @@ def save_record(file: Path, record: EpisodeRecord) -> Path:
         ],
     }  # fmt: skip
     text = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    try:
-        with replacing(file) as temporary, temporary.open("wb") as stream:
-            rounded: dict[str, Any] = {name: _rounded(array) for name, array in arrays.items()}
-            np.savez_compressed(stream, header=text, **rounded)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise ConfigError(
-            f"episode '{file}' could not be written: {reason}. Choose a folder that is writable and has room."
-        ) from error
+    rounded: dict[str, Any] = {name: _rounded(array) for name, array in arrays.items()}
+    failed = f"episode '{file}' could not be written"
+    with replacing(file, failed=failed, remedy=ROOM) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, header=text, **rounded)
     return file
 
 
@@ -104,7 +99,7 @@ def _read(file: Path) -> Arrays:
                 raise _foreign(file)
             arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
     except OSError as error:
-        raise ConfigError(f"cannot read '{file}': {error.strerror or error}.") from error
+        raise ConfigError(f"cannot read '{file}': {reason(error)}.") from error
     except (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         if zipfile.is_zipfile(file) or file.read_bytes()[:2] == b"PK":
             raise _damaged(file, str(error)) from error

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from hpp_framework.core.world import World
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import HppError
+from hpp_framework.utils.run_folder import ROOM, write_bytes
 from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.viz.topdown import TopDown
 from hpp_framework.worlds.loader import resolve_world
@@ -112,15 +113,8 @@ def save_picture(out: Path, picture: Image) -> Path:
         HppError: if it cannot be written.
     """
     encoded = cv2.imencode(".png", picture[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_bytes(encoded.tobytes())
-    except OSError as error:
-        raise HppError(
-            f"picture '{out}' could not be written: {error.strerror or error}. "
-            "Choose a folder that is writable and has room."
-        ) from error
-    return out
+    failed = f"picture '{out}' could not be written"
+    return write_bytes(out, encoded.tobytes(), failed=failed, remedy=ROOM, error=HppError)
 
 
 if __name__ == "__main__":

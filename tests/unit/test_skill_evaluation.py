@@ -18,12 +18,14 @@ from hpp_framework.core.robot import DriveLimits
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.world import Box, Cylinder, World
 from hpp_framework.evaluation import skill_study
+from hpp_framework.evaluation.bootstrap import mean
 from hpp_framework.evaluation.competence import competence_card, competence_map
 from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES, Journeys, clearances, draw_journeys
 from hpp_framework.evaluation.lower_bound import time_bounds
 from hpp_framework.evaluation.skill import drive_journeys, evaluate_skill, skill_episodes
-from hpp_framework.evaluation.skill_score import SkillRow, bootstrap_interval, score
+from hpp_framework.evaluation.skill_score import SkillRow, score
 from hpp_framework.evaluation.skill_study import SkillStudy, run_study
+from hpp_framework.evaluation.statistics import Estimate
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
 from hpp_framework.evaluation.ways import journey_ways
@@ -352,12 +354,19 @@ def test_scores_are_shares_with_intervals():
 
 def test_the_bootstrap_interval_holds_the_mean_and_narrows(rng):
     values = rng.random(400)
-    low, high = bootstrap_interval(values)
+    found = mean([values], numpy_rng(0, "bootstrap"))
     # 1.96 standard errors of a uniform variable are 0.0283
-    assert low < values.mean() < high
-    assert high - low == pytest.approx(2 * 0.0283, rel=0.15)
-    assert bootstrap_interval(values) == (low, high)
-    assert bootstrap_interval(np.ones(5)) == (1, 1)
+    assert found.low < found.value == values.mean() < found.high
+    assert found.high - found.low == pytest.approx(2 * 0.0283, rel=0.15)
+    assert mean([values], numpy_rng(0, "bootstrap")) == found
+    assert mean([np.ones(5)], rng) == Estimate(1, 1, 1)
+
+
+def test_the_interval_of_a_score_is_drawn_anew_the_same_every_time(rng):
+    rows = [row(spl=value) for value in rng.random(30)]
+    assert score(rows) == score(rows)
+    drawn = mean([np.array([each.spl for each in rows])], numpy_rng(0, "bootstrap"), resamples=1000)
+    assert (score(rows).spl_low, score(rows).spl_high) == (drawn.low, drawn.high)
 
 
 @pytest.mark.parametrize(

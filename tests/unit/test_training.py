@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import pickle
 import resource
+from pathlib import Path
 
 import pytest
 import torch
@@ -15,7 +18,7 @@ from hpp_framework.core.skill import SkillTraining
 from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
 from hpp_framework.training import ppo
 from hpp_framework.utils.errors import CheckpointError, ConfigError
-from hpp_framework.utils.files import read_json
+from hpp_framework.utils.run_folder import read_json
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:You have specified a mini-batch size"),
@@ -42,7 +45,7 @@ def snapshot(config, monkeypatch):
         patch.setattr(ppo._Progress, "_on_rollout_end", interrupt)
         with pytest.raises(KeyboardInterrupt):
             p2p.train(config)
-    return config.out / "resume.zip"
+    return config.out / "resume.safetensors"
 
 
 def with_options(config, **options):
@@ -83,12 +86,79 @@ def test_damaged_snapshots_are_named(config, snapshot):
     whole = snapshot.read_bytes()
     for content in (b"", b"no zip", whole[: len(whole) // 2]):
         snapshot.write_bytes(content)
-        with pytest.raises(ConfigError, match="resume.zip' cannot be read: .* Delete it"):
+        with pytest.raises(ConfigError, match="resume.safetensors' cannot be read: .* Delete it"):
             p2p.train(config)
 
 
+class Planted:
+    """Writes a file as soon as it is unpickled."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return Path.touch, (self.file,)
+
+
+def test_a_program_in_place_of_a_snapshot_is_refused_and_not_run(config, snapshot, tmp_path):
+    trace, pickled = tmp_path / "ran", io.BytesIO()
+    torch.save({"state": Planted(trace)}, pickled)
+    old = snapshot.with_name("resume.zip")
+    for content in (pickle.dumps(Planted(trace)), pickled.getvalue()):
+        for file in (snapshot, old):
+            whole = snapshot.read_bytes()
+            file.write_bytes(content)
+            with pytest.raises(ConfigError, match=rf"{file.name}' cannot be read: .* Delete it"):
+                p2p.train(config)
+            old.unlink(missing_ok=True)
+            snapshot.write_bytes(whole)
+    assert not trace.exists()
+    pickle.loads(pickle.dumps(Planted(trace)))
+    assert trace.exists()
+
+
+@pytest.mark.parametrize(("name", "value"), [("steps", "many"), ("updates", None)])
+def test_a_snapshot_with_wrong_counters_is_refused(config, snapshot, name, value):
+    tensors, metadata = load_checkpoint(snapshot, {})
+    save_checkpoint(snapshot, tensors, {**metadata, name: value})
+    with pytest.raises(ConfigError, match=f"cannot be read: {name} missing or wrong. Delete it"):
+        p2p.train(config)
+
+
+def test_a_snapshot_of_other_parameters_is_refused(config, snapshot):
+    tensors, metadata = load_checkpoint(snapshot, {})
+    name = next(name for name in tensors if name.endswith(".exp_avg"))
+    for changed in ({name: torch.zeros(3)}, {name.replace("exp_avg", "exp"): tensors[name].clone()}):
+        save_checkpoint(snapshot, {**tensors, **changed}, metadata)
+        with pytest.raises(ConfigError, match="cannot be read: .* Delete it"):
+            p2p.train(config)
+
+
+def test_a_snapshot_gives_back_all_that_was_learnt(config, snapshot, monkeypatch):
+    kept = {}
+
+    def compare(model, *_):
+        policy = model.policy
+        state = policy.optimizer.state_dict()["state"]
+        kept.update(state=state, steps=model.num_timesteps, weights=policy.state_dict())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ppo, "_learn", compare)
+    with pytest.raises(KeyboardInterrupt):
+        p2p.train(config)
+    tensors, metadata = load_checkpoint(snapshot, {})
+    assert kept["steps"] == metadata["steps"] > 0
+    for name, value in kept["weights"].items():
+        assert torch.equal(value, tensors[f"model.{name}"])
+    moments = [(i, n, v) for i, entry in kept["state"].items() for n, v in entry.items()]
+    assert {f"adam.{i}.{n}" for i, n, _ in moments} == {n for n in tensors if n.startswith("adam.")} != set()
+    for i, n, value in moments:
+        assert torch.equal(value, tensors[f"adam.{i}.{n}"].reshape(value.shape))
+
+
 def test_a_snapshot_without_description_is_refused(config, snapshot):
-    snapshot.with_name("resume.json").unlink()
+    tensors, metadata = load_checkpoint(snapshot, {})
+    save_checkpoint(snapshot, tensors, {**metadata, "run": None})
     with pytest.raises(ConfigError, match="does not say what it is of"):
         p2p.train(config)
 
@@ -96,11 +166,13 @@ def test_a_snapshot_without_description_is_refused(config, snapshot):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 def test_a_full_disk_keeps_the_earlier_snapshot(config, snapshot, monkeypatch):
     before = snapshot.read_bytes()
-    (config.out / "resume.zip.tmp").symlink_to("/dev/full")
+    (config.out / "resume.safetensors.tmp").symlink_to("/dev/full")
     monkeypatch.setattr(
-        ppo._Progress, "_on_rollout_end", lambda self: ppo.save_snapshot(self.model, self.out)
+        ppo._Progress, "_on_rollout_end", lambda self: ppo.save_snapshot(self.model, self.out, self.run)
     )
-    with pytest.raises(CheckpointError, match="cannot write .*resume.zip': .*No space left.* resumes"):
+    with pytest.raises(
+        CheckpointError, match="cannot write .*resume.safetensors': .*No space left.* resumes"
+    ):
         p2p.train(config)
     assert snapshot.read_bytes() == before
 

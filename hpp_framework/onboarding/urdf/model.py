@@ -15,7 +15,7 @@ import numpy.typing as npt
 import trimesh
 from trimesh.transformations import euler_matrix
 
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.errors import ConfigError, reason
 
 Matrix = npt.NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def read_urdf(file: Path) -> Model:
     try:
         robot = ET.parse(file).getroot()
     except OSError as error:
-        raise ConfigError(f"cannot read '{file}': {error.strerror}.") from error
+        raise ConfigError(f"cannot read '{file}': {reason(error)}.") from error
     except ET.ParseError as error:
         raise ConfigError(
             f"'{file}' is no XML: {error}. Write xacro files out first: xacro FILE > FILE.urdf"

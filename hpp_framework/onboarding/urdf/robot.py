@@ -24,7 +24,7 @@ from hpp_framework.onboarding.urdf.reading import (
     read_lidar,
     read_profile,
 )
-from hpp_framework.utils.errors import ConfigError, suggest
+from hpp_framework.utils.errors import ConfigError, reason, suggest
 
 WHEELS, LIDAR_LINK = "wheels", "lidar_link"
 ANSWERS = (
@@ -95,7 +95,7 @@ def read_answers(file: Path) -> dict[str, Any]:
     try:
         found = yaml.safe_load(file.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ConfigError(f"cannot read the answers in '{file}': {error.strerror}.") from error
+        raise ConfigError(f"cannot read the answers in '{file}': {reason(error)}.") from error
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(f"cannot read the answers in '{file}': {error}.") from error
     if not isinstance(found, dict):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,7 +22,7 @@ from hpp_framework.core.skill import as_pairs
 from hpp_framework.plugins.weights import portable
 from hpp_framework.training.search.phase import PhaseSearch, TrialRow
 from hpp_framework.training.search.space import SCORE, SearchConfig, SkillSearch, Value, describe
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import replacing, write_json, write_text
 
 REPORT, PICTURE, BEST = "report.md", "report.png", "best.json"
 FEWEST = 4
@@ -53,10 +52,8 @@ def write_report(config: SearchConfig, search: SkillSearch, phases: Sequence[Pha
         "settings": best.settings, "phase": best.phase, "trial": best.number, "folder": best.folder,
         "metrics": best.metrics, "baseline_metrics": baseline.metrics,
     }  # fmt: skip
-    with replacing(config.out / REPORT) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    with replacing(config.out / BEST) as temporary:
-        temporary.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_text(config.out / REPORT, text)
+    write_json(config.out / BEST, summary)
     draw_search(config.out / PICTURE, [phase.study for phase in phases])
 
 

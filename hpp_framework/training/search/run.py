@@ -7,7 +7,6 @@ trains a policy, and is judged by whether it reaches goals, not by the reward th
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from itertools import pairwise
@@ -24,7 +23,7 @@ from hpp_framework.training.search import report
 from hpp_framework.training.search.phase import PhaseSearch, TrialRow, Watch
 from hpp_framework.training.search.space import SearchConfig, SkillSearch, Value, check_start, describe
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import read_json, replacing
+from hpp_framework.utils.run_folder import RunFolder
 
 CONFIG, JOURNAL = "search.json", "trials.journal"
 
@@ -80,7 +79,7 @@ def _check(config: SearchConfig, search: SkillSearch) -> None:
 
 def _open_folder(config: SearchConfig, search: SkillSearch) -> None:
     """Say in the folder what is searched, or check that it holds the same search."""
-    wanted: dict[str, Any] = json.loads(json.dumps({
+    wanted = {
         **{key: value for key, value in asdict(config).items() if key not in ("out", "workers", "init")},
         "init": file_digest(config.init),
         "phases": {
@@ -88,23 +87,19 @@ def _open_folder(config: SearchConfig, search: SkillSearch) -> None:
             for name, phase in search.phases.items()
         },
         "start": dict(search.start),
-    }))  # fmt: skip
-    file = config.out / CONFIG
-    if not file.exists():
-        with replacing(file) as temporary:
-            temporary.write_text(json.dumps(wanted, indent=2) + "\n")
-        return
-    found = read_json(file)
-    different = [
+    }
+    RunFolder(config.out).claim(
+        CONFIG, wanted, what="search", compare=_differences,
+        remedy="Give the same options to go on with it, or choose another --out.",
+    )  # fmt: skip
+
+
+def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
+    return "; ".join(
         f"{key} was {found.get(key)!r}, is {wanted[key]!r}" if not isinstance(wanted[key], dict) else key
         for key in wanted
         if found.get(key) != wanted[key]
-    ]
-    if different:
-        raise ConfigError(
-            f"'{config.out}' holds another search ({'; '.join(different)}). Give the same options to "
-            "go on with it, or choose another --out."
-        )
+    )
 
 
 def open_journal(out: Path) -> JournalStorage:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import traceback
@@ -16,7 +15,7 @@ from hpp_framework.plugins.registry import hub
 from hpp_framework.training.search.space import SCORE, SkillSearch
 from hpp_framework.utils.errors import ConfigError, HppError
 from hpp_framework.utils.executor import Report
-from hpp_framework.utils.files import read_json, replacing
+from hpp_framework.utils.run_folder import read_json, write_text
 
 TRAINED, LOG, FAILURE = "trained.json", "log.txt", "failure.txt"
 
@@ -62,7 +61,7 @@ def run_trial(task: TrialTask, report: Report) -> None:
     except HppError:
         raise
     except Exception as error:
-        (folder / FAILURE).write_text(traceback.format_exc())
+        write_text(folder / FAILURE, traceback.format_exc())
         report(f"{type(error).__name__}: {error}")
 
 
@@ -72,8 +71,7 @@ def _trained(task: TrialTask) -> Path:
     if marker.exists():
         return folder / str(read_json(marker)["weights"])
     file = task.trainer(task.training)
-    with replacing(marker) as temporary:
-        temporary.write_text(json.dumps({"weights": os.path.relpath(file, folder)}))
+    write_json(marker, {"weights": os.path.relpath(file, folder)})
     return file
 
 
