@@ -93,7 +93,8 @@ class Claim:
             more = len(against) - LISTED
             text += f" The others: {'; '.join(map(str, against[:LISTED]))}"
             text += f"; and {more} more, among the numbers." if more > 0 else "."
-        return text + (f" {self.missing} more were not run." if self.missing else "")
+        was = "was" if self.missing == 1 else "were"
+        return text + (f" {self.missing} more {was} not run." if self.missing else "")
 
 
 def verdict(parts: Sequence[Part]) -> Verdict:

@@ -77,33 +77,19 @@ class Planned:
 
     def command(self) -> str:
         """Return the command that does this alone, in the folder of the reproduction."""
-        if isinstance(self.work, Experiment) and self.work.members:  # no option says as much
-            record = f"{EXPERIMENTS}/{self.name}/{CONFIG}"
-            return shlex.join(["hpp", "evaluate", "--config", record, "--out", f"out/{self.name}"])
-        if isinstance(self.work, Experiment):
-            return shlex.join(["hpp", "evaluate", *_evaluate_options(self.work), "--out", f"out/{self.name}"])
-        if isinstance(self.work, PredictorStudy):
-            return shlex.join(
-                ["hpp", "evaluate", "predictor", *_study_options(self.work), "--out", f"out/{self.name}"]
-            )
-        if self.work.source == "maddpg":
-            return shlex.join(
-                ["hpp", "train", "maddpg", "--team", self.work.team, "--out", f"out/{self.name}"]
-            )
-        first, *others = self.work.predictors
-        # it draws the losses of all that it asks
-        return shlex.join(
-            [
-                "hpp",
-                "evaluate",
-                "predictor",
-                first,
-                "--compare",
-                ",".join(others),
-                "--out",
-                f"out/{self.name}",
-            ]
-        )
+        work = self.work
+        if isinstance(work, Experiment) and work.members:  # no option says as much
+            words = ["evaluate", "--config", f"{EXPERIMENTS}/{self.name}/{CONFIG}"]
+        elif isinstance(work, Experiment):
+            words = ["evaluate", *_evaluate_options(work)]
+        elif isinstance(work, PredictorStudy):
+            words = ["evaluate", "predictor", *_study_options(work)]
+        elif work.source == "maddpg":
+            words = ["train", "maddpg", "--team", work.team]
+        else:  # it draws the losses of all that it asks
+            first, *others = work.predictors
+            words = ["evaluate", "predictor", first, "--compare", ",".join(others)]
+        return shlex.join(["hpp", *words, "--out", f"out/{self.name}"])
 
 
 def _evaluate_options(work: Experiment) -> list[str]:

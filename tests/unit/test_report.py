@@ -6,7 +6,9 @@ import json
 import re
 import shutil
 from dataclasses import asdict
+from html import unescape
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +21,10 @@ from hpp_framework.evaluation.rows import EpisodeRow
 from hpp_framework.evaluation.summary import Results, summarise
 from hpp_framework.evaluation.table import write_rows
 from hpp_framework.reproduction.report import write_report
-from hpp_framework.reproduction.report_episodes import ranked
-from hpp_framework.reproduction.report_html import Column, table, tag
-from hpp_framework.reproduction.report_svg import planner_styles
+from hpp_framework.reproduction.report.charts import HEIGHT, LEADING, Chart, Line
+from hpp_framework.reproduction.report.films import ranked
+from hpp_framework.reproduction.report.names import colors
+from hpp_framework.reproduction.report.results import Band
 from hpp_framework.utils.errors import ConfigError
 
 WORLDS, PLANNERS, EPISODES = ("wall", "navigation"), ("hpp", "hpp:preset=paper", "centralized-mp"), 4
@@ -101,7 +104,7 @@ def found(tmp_path_factory):
     )
     claim = {
         "claim": EVIL, "where": EVIL, "verdict": "holds partly", "evidence": EVIL,
-        "numbers": {EVIL: [0.5, 0.25, 0.75], "n": {"a": 1, "b": None}}, "experiments": ["main", "gone"],
+        "numbers": {EVIL: [0.5, 0.25, 0.75], "n": [0.1, None, None]}, "experiments": ["main", "gone"],
     }  # fmt: skip
     (tmp_path / "claims.json").write_text(json.dumps([claim, {"claim": "bare"}]))
     return tmp_path
@@ -242,15 +245,66 @@ def test_best_median_and_worst_episode():
     assert ranked(rows[:1]) == {"best": 0}
 
 
-def test_tables_scroll_in_a_box_of_their_own():
-    made = table((Column("a", number=False), Column("b")), [("<x>", "1")], label='"it"')
-    assert made.startswith('<div class="scroll" tabindex="0" role="region" aria-label="&quot;it&quot;">')
-    assert "&lt;x&gt;" in made
-    assert tag("p", tag("b", "<"), None, hidden=False) == "<p><b>&lt;</b></p>"
+def test_tables_scroll_in_a_box_of_their_own(text):
+    tables = len(re.findall(r'<table class="words\d">', text))
+    boxes = re.findall(r'<div class="scroll" tabindex="0" role="region" aria-label="([^"]+)">\s*<table', text)
+    assert len(boxes) == tables > 4
+    assert "all planners in wall" in boxes
+
+
+def test_claims_come_after_figures_one_line_each(text):
+    parts = re.findall(r'<section id="(\w+)">\n<h2>', text)
+    assert parts == [
+        "answer",
+        "comparison",
+        "paper",
+        "episodes",
+        "ablations",
+        "predictors",
+        "claims",
+        "appendix",
+    ]
+    lines = re.findall(r'<details class="claim"><summary>(.*?)</summary>', text)
+    assert [unescape(visible(line)).strip() for line in lines] == [f"holds partly {EVIL}", "open bare"]
+
+
+def test_smoke_scale_is_said_to_judge_nothing(text, out):
+    assert "too few episodes to judge anything" in text
+    plan = json.loads((out / "plan.json").read_text())
+    (out / "plan.json").write_text(json.dumps({**plan, "scale": "full"}))
+    assert "too few episodes" not in read(out)
+
+
+def test_forest_plots_show_intervals_where_they_are(text):
+    (panel,) = re.findall(r"<b>wall</b> success, 95 % interval</figcaption>(.*?)</table>", text, flags=re.S)[
+        :1
+    ]
+    (row,) = re.findall(r"<tr.*?Centralized MP.*?</tr>", panel.split("HPP, paper")[1], flags=re.S)
+    low, width, value = (float(each) for each in re.findall(r"(?:left|width):([\d.]+)%", row)[1:])
+    # one of four, by Wilson
+    assert (low, low + width, value) == pytest.approx((4.6, 69.9, 25.0), abs=0.11)
+
+
+def test_curves_are_where_they_should_be_and_labels_apart():
+    x = np.array([0.0, 10.0])
+    ends = (1.0, 1.01, 4.0, np.nan)
+    lines = [Line(f"planner {i}", Band(x, np.array([2.0, end]))) for i, end in enumerate(ends)]
+    chart = Chart("t", "x", "y", lines)
+    assert chart.path(lines[2]) == f"M{chart.left:.1f},{chart.at(0, 2)[1]} {chart.right},{chart.at(10, 4)[1]}"
+    assert chart.path(lines[3]).count(",") == 1
+    assert chart.at(0, 0) == [chart.left, chart.bottom]
+    places = sorted(label.y for label in chart.labels())
+    assert all(b - a >= LEADING - 0.2 for a, b in pairwise(places))
+    assert 0 < places[0] < places[-1] < HEIGHT
+    one = Chart("t", "x", "y", [Line("", Band(x[:1], np.array([0.5])))], logarithmic=True)
+    assert np.isfinite(one.at(0, 0.5)).all()
 
 
 def test_planners_look_the_same_everywhere_and_never_alike():
-    planners = ["hpp", "hpp:preset=paper", "centralized-mp", *(f"hpp:plan_every={i}" for i in range(5, 20))]
-    styles = planner_styles(planners)
-    assert len({str(style) for style in styles.values()}) == len(planners)
-    assert planner_styles(["maddpg", "hpp"])["hpp"] == styles["hpp"]
+    planners = ["hpp", "hpp:preset=paper", "centralized-mp", "rrt-mp", "rrt-cem", "hpp:plan_every=5"]
+    found = colors(planners)
+    assert len(set(found.values())) == len(planners)
+    assert 0 not in found.values()
+    assert colors(["maddpg", "hpp"])["hpp"] == found["hpp"]
+    # of too many, all but the first are grey, and told apart by their labels
+    assert list(colors([*planners, "a", "b", "c"]).values()) == [1] + [0] * 8
