@@ -29,7 +29,7 @@ class EvaluateSkill:
     name: Annotated[str, tyro.conf.Positional] = "p2p"
     """Registered skill."""
     compare: str = ""
-    """More registered skills that drive the same journeys, separated by commas."""
+    """More registered skills that drive the same tasks, separated by commas."""
     robot: str = "fetch"
     """Registered robot."""
     worlds: str = "training"
@@ -41,7 +41,7 @@ class EvaluateSkill:
     clearance: float = 0.05
     """Gap between the footprint at start or goal and the nearest obstacle, at least; in metres."""
     draw: Literal["even", "uniform"] = "even"
-    """Journeys that fill the bins of the map evenly, also through passages that just fit; or any journey
+    """Tasks that fill the bins of the map evenly, also through passages that just fit; or any task
     on which --clearance can be kept all the way."""
     steps: int = 200
     """Control steps of 0.2 s before an episode counts as failed."""

@@ -22,7 +22,7 @@ from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import State
 from hpp_framework.core.world import World
-from hpp_framework.envs.journeys import Journeys
+from hpp_framework.envs.navigation_tasks import NavigationTasks
 from hpp_framework.envs.problem import PointToPoint, Practice
 from hpp_framework.envs.spaces import (
     MAX_GOAL_DISTANCE,
@@ -121,7 +121,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         shape = (self.worlds_count, robots_per_world)
         gap = 2 * self.robot.footprint_radius + START_GAP
         detours = practice.detours if practice else 0.0
-        self.journeys = Journeys(self.pool, shape, self.problem.goal_distance, gap, detours)
+        self.tasks = NavigationTasks(self.pool, shape, self.problem.goal_distance, gap, detours)
         self.simulator = BatchSimulator([self.robot] * robots_per_world, device=device)
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
         # skills see the present only
@@ -166,7 +166,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self._age = torch.zeros(shape, dtype=torch.int64)
         state = self._restart(torch.ones(shape, dtype=torch.bool), torch.full((*shape, 3), 1e6))
         self._batch.start(state, self._seeds)
-        self._left = self.journeys.left(state.poses.cpu())
+        self._left = self.tasks.left(state.poses.cpu())
         return self._observe(), {}
 
     def _reset_some(self, mask: object) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -216,8 +216,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def scene(self, index: int) -> tuple[World, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         """Return the world of one robot, and true poses (m, 3) and goals (m, 2) of all who share it."""
         row = index // self.robots_per_world
-        world = self.pool.worlds[int(self.journeys.world_index[row])]
-        return world, self.simulator.state().poses[row].cpu().numpy(), self.journeys.goals[row].numpy().copy()
+        world = self.pool.worlds[int(self.tasks.world_index[row])]
+        return world, self.simulator.state().poses[row].cpu().numpy(), self.tasks.goals[row].numpy().copy()
 
     def _commands(self, actions: npt.NDArray[Any]) -> Tensor:
         if not self.started:
@@ -262,15 +262,15 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         """Begin new episodes of the chosen robots (worlds, robots)."""
         fresh = self._restart(chosen, state.poses.cpu())
         self._batch.sensing.restart(fresh, chosen)
-        self._left = self.journeys.left(fresh.poses.cpu())
+        self._left = self.tasks.left(fresh.poses.cpu())
 
     def _score(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
         p = self.problem
         self._age += 1
         poses, touching = state.poses.cpu(), state.collided.cpu()
         speed, turn_rate = state.velocities.cpu().abs().unbind(-1)
-        left = self.journeys.left(poses)
-        at_rest = (self.journeys.straight(poses) < p.goal_radius) & (speed < p.rest_speed)
+        left = self.tasks.left(poses)
+        at_rest = (self.tasks.straight(poses) < p.goal_radius) & (speed < p.rest_speed)
         self._dwelt = torch.where(at_rest, self._dwelt + 1, 0)
         success = self._dwelt >= p.dwell
         collided = touching & ~self._touching
@@ -293,14 +293,14 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
 
     def _restart(self, chosen: Tensor, poses: Tensor) -> State:
         """Give the chosen robots a new start and goal; a world is redrawn where robot 0 is chosen."""
-        poses = self.journeys.draw(chosen, poses, self.rng)
+        poses = self.tasks.draw(chosen, poses, self.rng)
         self._age[chosen] = 0
         self._dwelt[chosen] = 0
         self._touching = self._touching & ~chosen
         self._last_commands[chosen] = 0.0
         if self.practice:
             self._draw_disturbances(self.practice, chosen[:, 0])
-        state = self.simulator.place(self.journeys.world_index.to(torch.int32), chosen, poses)
+        state = self.simulator.place(self.tasks.world_index.to(torch.int32), chosen, poses)
         self._poses, self._velocities = state.poses.cpu(), state.velocities.cpu()
         return state
 
@@ -315,7 +315,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def _observe(self) -> dict[str, Any]:
         views = [self._batch.observe(i) for i in range(self.robots_per_world)]
         poses = torch.stack([view.pose for view in views], 1).cpu()
-        goal = geometry.polar(poses, self.journeys.goals)
+        goal = geometry.polar(poses, self.tasks.goals)
         goal[..., 0].clamp_(max=MAX_GOAL_DISTANCE)
 
         def flat(parts: list[Tensor]) -> npt.NDArray[np.float32]:
@@ -332,7 +332,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         return observation
 
     def _guide(self) -> Tensor:
-        bearing = self.journeys.direction(self._poses)
+        bearing = self.tasks.direction(self._poses)
         time_left = 1 - self._age / self.problem.max_steps
         assert self._batch.sensing.intensity is not None
         intensity = self._batch.sensing.intensity[:, None].expand_as(bearing)

@@ -18,7 +18,7 @@ class PointToPoint:
         rest_speed: forward speed below which the robot is at rest, m/s.
         dwell: consecutive steps at rest at the goal that end an episode with success.
         max_steps: control steps before an episode is truncated (150 are 30 s).
-        progress: reward for each metre of progress, straight or along the way if the pool knows ways.
+        progress: reward for each metre of progress, straight or along the path if the pool knows paths.
         arrival: reward for success.
         collision: reward for touching something after not touching anything.
         touch: reward for each step in contact.
@@ -45,15 +45,15 @@ class PointToPoint:
 class Practice:
     """What is harder in training than in the plain problem, drawn anew with each world.
 
-    Observations get an entry ``guide`` for a critic, which no skill sees: metres to go along the way in tens,
-    cosine and sine of the way's bearing, the share of time left, and the strength of the disturbances.
+    Observations get an entry ``guide`` for a critic, which no skill sees: metres to go along the path in
+    tens, cosine and sine of the path's bearing, the share of time left, and the strength of the disturbances.
 
     Attributes:
         noise: strongest disturbances; a world has a share of them between 0 and 1.
         late: share of worlds in which commands take effect one control period late.
         weakest_drive: smallest share of the top speeds and accelerations that a robot has.
         end_on_touch: share of touches that end an episode as a failure.
-        detours: share of journeys that lead to the goal with the longest detour among some.
+        detours: share of tasks that lead to the goal with the longest detour among some.
     """
 
     noise: NoiseModel = field(

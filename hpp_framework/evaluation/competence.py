@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES, bin_of
+from hpp_framework.evaluation.navigation_tasks import CLEARANCES, DISTANCES, bin_of
 from hpp_framework.evaluation.skill_score import SkillRow, score
 from hpp_framework.utils.run_folder import write_csv
 
@@ -97,7 +97,7 @@ def _short(value: float) -> float:
 def competence_card(rows: Sequence[SkillRow]) -> dict[str, Any]:
     """Return what the card beside a skill's weights carries; ``json.dumps`` takes it as it is.
 
-    To make one, drive journeys that fill the map and hand the episodes over::
+    To make one, drive navigation tasks that fill the map and hand the episodes over::
 
         trial = Trial(episodes=600, goal_distance=(1.0, 15.0), clearance=0.05, draw="even", seed=seed)
         card = competence_card(skill_episodes(skill, robot, trial))

@@ -14,7 +14,7 @@ from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.episodes.core import EpisodeBatch
-from hpp_framework.evaluation.journeys import Journeys, Progress, draw_journeys
+from hpp_framework.evaluation.navigation_tasks import NavigationTasks, Progress, draw_navigation_tasks
 from hpp_framework.evaluation.skill_score import SkillRow, SkillScore, score
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
 from hpp_framework.sim import make_simulator
@@ -29,7 +29,7 @@ FREEZE_SECONDS, FREEZE_METRES = 5.0, 0.25
 
 @dataclass(frozen=True)
 class Drives:
-    """What happened on journeys.
+    """Outcomes of navigation tasks.
 
     Attributes:
         done: control step at which an episode succeeded, -1 for failures.
@@ -69,7 +69,7 @@ def evaluate_skill(
         world: registered world or world file.
         episodes: how many.
         goal_distance: nearest and farthest goal, straight line, in metres.
-        clearance: gap between the footprint and obstacles at start and goal and on some way, in metres.
+        clearance: gap between the footprint and obstacles at start and goal and on some path, in metres.
         steps: control steps before an episode counts as failed (200 are 40 s).
         noise: disturbances of what is observed.
         backend: ``"batch"`` or ``"sapien"``.
@@ -91,26 +91,26 @@ def skill_episodes(
     trial: Trial,
     *,
     name: str = "",
-    journeys: Journeys | None = None,
+    tasks: NavigationTasks | None = None,
     progress: Progress = lambda _: None,
 ) -> list[SkillRow]:
-    """Drive the journeys of a trial and return one row an episode.
+    """Drive the navigation tasks of a trial and return one row per episode.
 
     Args:
         skill: what drives.
         robot: what it drives.
         trial: where, and under what disturbances.
         name: of the skill in the rows.
-        journeys: of this trial, drawn before; or None to draw them.
+        tasks: of this trial, drawn before; or None to draw them.
         progress: called with the number of episodes driven, those under way in part.
 
     Raises:
-        HppError: if the trial cannot be had, see :func:`draw_journeys` and
+        HppError: if the trial cannot be had, see :func:`draw_navigation_tasks` and
             :func:`hpp_framework.sim.make_simulator`.
     """
     rows: list[SkillRow] = []
     with make_simulator(trial.backend, [robot]) as simulator:
-        known = journeys or draw_journeys(robot, trial)
+        known = tasks or draw_navigation_tasks(robot, trial)
         chunk = CHUNK[trial.backend]
         for first in range(0, len(known), chunk):
             wanted = slice(first, min(first + chunk, len(known)))
@@ -119,36 +119,36 @@ def skill_episodes(
             def report(step: int, first: int = first, size: int = size) -> None:
                 progress(first + size * step // trial.steps)
 
-            drives = drive_journeys(skill, simulator, known, wanted, trial, progress=report)
+            drives = drive_tasks(skill, simulator, known, wanted, trial, progress=report)
             rows += _rows(name, trial.world, known, wanted, drives)
             progress(wanted.stop)
     return rows
 
 
 @torch.no_grad()
-def drive_journeys(
+def drive_tasks(
     skill: Skill,
     simulator: Simulator,
-    journeys: Journeys,
+    tasks: NavigationTasks,
     wanted: slice,
     trial: Trial,
     *,
     progress: Progress = lambda _: None,
 ) -> Drives:
-    """Drive some journeys side by side, until all have succeeded or the trial's steps are over.
+    """Drive some navigation tasks side by side, until all have succeeded or the trial's steps are over.
 
     Args:
         skill: what drives.
         simulator: of one robot.
-        journeys: all of them.
+        tasks: all of them.
         wanted: which.
         trial: steps, noise and seed.
         progress: called with the number of steps done.
     """
-    goal = journeys.goals[wanted]
+    goal = tasks.goals[wanted]
     batch = EpisodeBatch(simulator, noise=trial.noise, keyframes=0)
     seeds = [child_seed(trial.seed, trial.world, number) for number in range(wanted.start, wanted.stop)]
-    batch.begin(journeys.worlds[wanted], journeys.poses[wanted], seeds)
+    batch.begin(tasks.worlds[wanted], tasks.poses[wanted], seeds)
     done = torch.full((len(goal),), -1)
     dwelt = torch.zeros(len(goal), dtype=torch.int64)
     touched = torch.zeros(len(goal), dtype=torch.bool)
@@ -186,20 +186,20 @@ def _drives(
     )
 
 
-def _rows(name: str, world: str, journeys: Journeys, wanted: slice, drives: Drives) -> list[SkillRow]:
+def _rows(name: str, world: str, tasks: NavigationTasks, wanted: slice, drives: Drives) -> list[SkillRow]:
     success = (drives.done >= 0).numpy()
     collided = drives.collided.numpy()
     frozen = ~success & (drives.moved < FREEZE_METRES).numpy()
     driven, left = drives.driven.double().numpy(), drives.left.double().numpy()
-    shortest, bound = journeys.shortest[wanted], journeys.bound[wanted]
+    shortest, bound = tasks.shortest[wanted], tasks.bound[wanted]
     reference = np.maximum(shortest - left, 0)
     spl = np.where(success, reference / np.maximum(np.maximum(driven, reference), 1e-9), 0)
     time = np.where(success, drives.done.numpy() * CONTROL_PERIOD, np.nan)
     return [
         SkillRow(
             skill=name, world=world, episode=wanted.start + i,
-            distance_m=_short(journeys.distance[wanted][i]),
-            clearance_m=float(journeys.clearance[wanted][i]),
+            distance_m=_short(tasks.distance[wanted][i]),
+            clearance_m=float(tasks.clearance[wanted][i]),
             shortest_m=_short(shortest[i]), bound_s=_short(bound[i]),
             success=int(success[i]), clean=int(success[i] and not collided[i]), collision=int(collided[i]),
             freeze=int(frozen[i]), timeout=int(not success[i] and not frozen[i]),

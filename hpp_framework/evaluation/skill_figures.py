@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 
 from hpp_framework.evaluation.competence import TRUSTED_EPISODES, TRUSTED_SHARE, CompetenceBin
 from hpp_framework.evaluation.figures import save_figure
-from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES
+from hpp_framework.evaluation.navigation_tasks import CLEARANCES, DISTANCES
 from hpp_framework.utils.errors import ConfigError
 
 PANEL = (4.6, 3.3)
@@ -86,6 +86,6 @@ def _draw(axes: Any, bins: Sequence[CompetenceBin]) -> None:
     axes.set_xticks(range(len(DISTANCES)), [f"{edge:g}" for edge in DISTANCES])
     axes.set_yticks(range(len(CLEARANCES)), [f"{edge:g}" for edge in CLEARANCES[:-1]] + ["∞"])
     axes.set_xlabel("distance to the goal [m]", fontsize=9)
-    axes.set_ylabel("clearance of the journey [m]", fontsize=9)
+    axes.set_ylabel("clearance of the task [m]", fontsize=9)
     axes.tick_params(length=0, labelsize=8)
     axes.spines[:].set_visible(False)

@@ -1,4 +1,4 @@
-"""Outcomes of single journeys, and what they come to together."""
+"""Outcomes of single navigation tasks, and their summary."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class SkillRow:
         world: registered world or world file.
         episode: number.
         distance_m: straight from start to goal.
-        clearance_m: of the journey, see :class:`hpp_framework.evaluation.journeys.Journeys`.
-        shortest_m: length of the shortest way of the footprint from start to goal.
+        clearance_m: of the task, see :class:`hpp_framework.evaluation.navigation_tasks.NavigationTask`.
+        shortest_m: length of the shortest path of the footprint from start to goal.
         bound_s: time that no drive can beat.
         success: 1 if it came to rest within 0.3 m of the goal for 1 s.
         clean: 1 if it succeeded and touched nothing.

@@ -1,6 +1,6 @@
 """Judges skills over worlds: cells of episodes, written as they finish, resumed where they stopped.
 
-Episode ``e`` of world ``w`` under seed ``s`` is the same journey for every skill and backend, so that
+Episode ``e`` of world ``w`` under seed ``s`` is the same navigation task for every skill and backend, so that
 comparisons are paired.
 """
 
@@ -15,7 +15,7 @@ from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.competence import competence_card, competence_map, write_competence
-from hpp_framework.evaluation.journeys import Journeys, draw_journeys
+from hpp_framework.evaluation.navigation_tasks import NavigationTasks, draw_navigation_tasks
 from hpp_framework.evaluation.skill import skill_episodes
 from hpp_framework.evaluation.skill_figures import plot_competence
 from hpp_framework.evaluation.skill_score import SkillRow
@@ -83,7 +83,7 @@ def check_study(study: SkillStudy) -> RobotSpec:
         hub().skills.create(skill, robot)
     make_simulator(study.backend, [robot]).close()
     for world in study.worlds:
-        draw_journeys(robot, study.trial(world, episodes=1))
+        draw_navigation_tasks(robot, study.trial(world, episodes=1))
     return robot
 
 
@@ -147,19 +147,19 @@ def _run_world(
     progress: Progress,
 ) -> list[SkillRow]:
     """Run the skills that a world misses, write after each, and return all rows."""
-    journeys: Journeys | None = None
+    tasks: NavigationTasks | None = None
     trial = study.trial(world)
     for skill in study.skills:
         cell = f"{skill} / {world}"
         have = sum((row.skill, row.world) == (skill, world) for row in rows)
         if have != study.episodes:
-            if journeys is None:
-                named = f"journeys in {world}"
-                journeys = draw_journeys(
+            if tasks is None:
+                named = f"tasks in {world}"
+                tasks = draw_navigation_tasks(
                     robot, trial, progress=lambda done, named=named: progress(named, done, study.episodes)
                 )
             fresh = skill_episodes(
-                hub().skills.create(skill, robot), robot, trial, name=skill, journeys=journeys,
+                hub().skills.create(skill, robot), robot, trial, name=skill, tasks=tasks,
                 progress=lambda done, cell=cell: progress(cell, done, study.episodes),
             )  # fmt: skip
             rows = [row for row in rows if (row.skill, row.world) != (skill, world)] + fresh

@@ -1,26 +1,24 @@
-"""The least time in which a team can fulfil a task: no planner, however clever, is faster."""
+"""The least time in which a team can fulfil a task: no planner is faster."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 
-from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Requirement, Visit
+from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Gathering, Requirement
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task
-from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.world import World
-from hpp_framework.evaluation.meeting import first_meeting
-from hpp_framework.evaluation.reach import PERIODS, Reach
-from hpp_framework.evaluation.ways import journey_ways
+from hpp_framework.evaluation.path_bounds import half_diagonal, in_periods, least_lengths, least_time
 from hpp_framework.worlds.occupancy import free_space
 
-Step = float
-"""A control step, or infinity."""
+NEARBY = 6.0
+"""Metres of path that are looked for first; most teams meet within them."""
 
 
 def task_bounds(
@@ -28,87 +26,81 @@ def task_bounds(
 ) -> Float[np.ndarray, "b"]:
     r"""Return times in seconds that no team beats, from rest at the start to success.
 
-    In every step of success the task's requirement holds, and success lasts ``task.sustain_steps`` steps. So
-    the time is at least that of the first step at which the requirement can hold, and of the other steps.
+    In every step of success the task's requirement holds, and success lasts ``task.sustain_steps`` steps.
 
-    - A gathering has a least time of its own, see :func:`~hpp_framework.evaluation.meeting.first_meeting`.
-    - A visit takes its robot at least as long as the shortest way around the obstacles, and as the straight
-      distance with the turn that must come first.
-    - The distance of two robots, and where one lies from the other, changes by no more than both can drive.
+    - A gathering has a place :math:`c` that each robot :math:`i` has come within the radius of. So it takes
+      at least :math:`\min_c \max_i t_i(c)`, where :math:`t_i(c)` is the least time in which the robot drives
+      the shortest path around the obstacles that ends within the radius of :math:`c`.
+    - Two robots get apart no faster than both can drive.
     - All of several requirements take the longest of their times, any of them the shortest.
 
     Args:
-        worlds: one an episode.
+        worlds: one per episode.
         starts: start poses, at rest.
         robots: the team.
-        task: what is to be fulfilled.
+        task: the objective.
 
     Returns:
-        NaN if nothing is known that the task requires; infinity where it takes more than a minute.
+        NaN if the task states no requirement; infinity where it cannot be met.
     """
     requirement = task.requirement()
     if requirement is None:
         return np.full(len(worlds), np.nan)
-    steps = [
-        _Start(world, poses, robots).first(requirement)
-        for world, poses in zip(worlds, starts.astype(np.float64), strict=True)
+    seconds = [
+        _Start(world, poses[:, :2].astype(np.float64), robots).least(requirement)
+        for world, poses in zip(worlds, starts, strict=True)
     ]
-    return (np.maximum(steps, 1) + task.sustain_steps - 1) * CONTROL_PERIOD
+    return in_periods(seconds, task.sustain_steps)
 
 
 @dataclass(frozen=True)
 class _Start:
-    """Where an episode begins."""
+    """The start of an episode."""
 
     world: World
-    poses: Float[np.ndarray, "n 3"]
+    positions: Float[np.ndarray, "n 2"]
     robots: Sequence[RobotSpec]
 
-    def first(self, requirement: Requirement) -> Step:
-        """Return the first control step at which a requirement can hold, infinity if it cannot."""
+    def least(self, requirement: Requirement) -> float:
+        """Return the seconds until a requirement can hold, infinity if it cannot."""
         match requirement:
             case AllOf(parts):
-                return max(map(self.first, parts), default=0)
+                return max(map(self.least, parts), default=0.0)
             case AnyOf(parts):
-                return min(map(self.first, parts), default=math.inf)
-            case Gathering(radius, members):
-                return first_meeting(self.world, self.poses, self.robots, radius, members)
-            case Visit():
-                return self._visit(requirement)
-            case Apart(one, other, least, most):
-                apart = float(np.linalg.norm(self._between(one, other)))
-                return self._driven(one, other, max(least - apart, apart - most))
-            case Displaced(one, other, vector, slack):
-                missing = float(np.linalg.norm(self._between(one, other) - np.array(vector)))
-                return self._driven(one, other, missing - slack)
+                return min(map(self.least, parts), default=math.inf)
+            case Apart(one, other, least):
+                return self._apart(one, other, least)
+            case Gathering():
+                found = self._gathering(requirement, NEARBY)
+                # no robot reaches the cells left out earlier than this
+                later = min(float(least_time(0.9 * NEARBY, robot.drive)) for robot in self.robots)
+                return found if found <= later else self._gathering(requirement, 0.0)
 
-    def _between(self, one: int, other: int) -> Float[np.ndarray, "2"]:
-        return self.poses[one, :2] - self.poses[other, :2]
+    def _apart(self, one: int, other: int, least: float) -> float:
+        missing = least - float(np.linalg.norm(self.positions[one] - self.positions[other]))
+        drives = [self.robots[one].drive, self.robots[other].drive]
+        top = max(max(drive.speed[1], -drive.speed[0]) for drive in drives)
+        both = replace(drives[0], speed=(0.0, top), acceleration=max(drive.acceleration for drive in drives))
+        return float(least_time(max(missing, 0.0) / 2, both))
 
-    def _driven(self, one: int, other: int, metres: float) -> Step:
-        """Return the first step at which two robots together can have driven so far."""
-        reaches = [Reach(self.robots[i].drive) for i in (one, other)]
-        return _first_step(lambda step: sum(each.distance(step) for each in reaches) >= metres - 1e-9)
+    def _gathering(self, gathering: Gathering, farthest: float) -> float:
+        """Return the least time of a gathering with paths up to a length, infinity if they are too short."""
+        members = range(len(self.robots)) if gathering.robots is None else gathering.robots
+        arrivals = [self._arrivals(robot, gathering.radius, farthest) for robot in members]
+        latest = np.maximum.reduce(arrivals)
+        if gathering.point is None:
+            return float(latest.min())
+        space = free_space(self.world, body_height=self.robots[0].height)
+        return float(latest.flat[space.distance_from(np.array(gathering.point)).argmin()])
 
-    def _visit(self, visit: Visit) -> Step:
-        robot, point = self.robots[visit.robot], np.array(visit.point)
-        pose, reach = self.poses[visit.robot], Reach(robot.drive)
-        space = free_space(self.world, body_height=robot.height)
-        ways = journey_ways(
-            [space], robot.footprint_radius, pose[None, :2], point[None], goal_radius=visit.radius
-        )
-        room = min([float(ways.room[0]), *(self._gap(visit.robot, i) for i in range(len(self.robots)))])
-        straight = reach.towards(pose, point[None], visit.radius, max(room, 0.0), PERIODS)
-        step = max(int(straight[0]), int(reach.driving(ways.least, PERIODS)[0]))
-        return step if step <= PERIODS else math.inf
-
-    def _gap(self, one: int, other: int) -> float:
-        """Return the metres that each of two robots can drive before they can touch."""
-        if one == other:
-            return math.inf
-        radii = self.robots[one].footprint_radius + self.robots[other].footprint_radius
-        return (float(np.linalg.norm(self._between(one, other))) - radii) / 2
-
-
-def _first_step(reached: Callable[[int], bool]) -> Step:
-    return next((step for step in range(PERIODS + 1) if reached(step)), math.inf)
+    def _arrivals(self, robot: int, radius: float, farthest: float) -> Float[np.ndarray, "r c"]:
+        """Return the least time in which a robot comes within a radius of any point of each cell."""
+        spec = self.robots[robot]
+        space = free_space(self.world, body_height=spec.height)
+        lengths = least_lengths(space, spec.footprint_radius, self.positions[robot], farthest=farthest)
+        # both the robot and the point may be anywhere in their cells
+        cells = (radius + 2 * half_diagonal(space)) / space.resolution
+        x = np.arange(-math.floor(cells), math.floor(cells) + 1)
+        disc = (np.hypot(x, x[:, None]) <= cells).astype(np.uint8)
+        nearest = cv2.erode(lengths.astype(np.float32), disc, borderType=cv2.BORDER_REPLICATE)
+        return least_time(nearest, spec.drive)

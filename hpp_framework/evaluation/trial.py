@@ -15,7 +15,7 @@ DRAWS = ("uniform", "even")
 ARRIVAL = PointToPoint()
 """What counts as arriving, the same as in training."""
 RESOLUTION = 0.05
-"""Metres a cell of the grids that starts, goals, clearances and ways are found on."""
+"""Metres per cell of the grids that starts, goals, clearances and paths are found on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Trial:
         goal_distance: nearest and farthest goal, straight line, in metres.
         clearance: gap between a footprint at start or goal and the nearest obstacle, at least; in metres.
         draw: ``"uniform"``: any goal at the distance asked for, in the region that a disc of footprint and
-            clearance can reach. ``"even"``: journeys that fill the bins of the competence map evenly, as far
+            clearance can reach. ``"even"``: tasks that fill the bins of the competence map evenly, as far
             as the worlds have them; passages may be so narrow that the footprint just fits.
         steps: control steps before an episode counts as failed (200 are 40 s).
         noise: disturbances of what is observed.

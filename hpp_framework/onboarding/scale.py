@@ -20,7 +20,7 @@ class Scale:
         chunk: trajectories that are simulated and held out together.
         predictor_steps: gradient steps a model.
         batch: samples a gradient step.
-        journeys: that each skill is judged by, a world.
+        journeys: navigation tasks per world that each skill is judged by.
         asked: trajectories that predictors are judged by.
         episodes: that each pair is judged by, a world.
         worlds: that pairs are judged in.
@@ -84,7 +84,7 @@ class Rates:
         rooms: worlds that a skill is trained in, built before it.
         trajectory_steps: control steps of a collected pair.
         predictor_steps: gradient steps of one model, samples of batch 500.
-        journeys: that a skill is judged by.
+        journeys: navigation tasks that a skill is judged by.
         episodes: of a pair that plans.
         start: seconds that every stage needs whatever its size.
     """

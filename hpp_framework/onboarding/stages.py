@@ -224,7 +224,7 @@ def _skill_study(onboarding: Onboarding, out: Path, robot: str) -> Stage:
         seed=onboarding.seed,
     )  # fmt: skip
     return Stage(
-        f"judge {onboarding.skill} of {robot} by {scale.journeys} journeys",
+        f"judge {onboarding.skill} of {robot} by {scale.journeys} navigation tasks",
         scale.journeys / RATES.journeys + RATES.start,
         (folder / SUMMARY).is_file,
         lambda report: run_skill_study(study, folder, progress=report),

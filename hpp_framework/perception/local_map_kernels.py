@@ -2,8 +2,6 @@
 
 import warp as wp
 
-from hpp_framework.worlds.geodesic_kernels import swept, upwind
-
 FAR = wp.constant(1.0e6)
 """What a cell reads before anything reached it."""
 REACH = wp.constant(3)
@@ -112,6 +110,24 @@ def slowness(clearance: float, radius: float, comfort: float, blocked: float) ->
     if room <= 0.0:
         return blocked
     return 1.0 + 2.0 * wp.clamp(1.0 - room / comfort, 0.0, 1.0)
+
+
+@wp.func
+def upwind(ahead: float, beside: float, cost: float) -> float:
+    """Arrival at a cell from its nearest neighbours along each axis (Godunov's scheme)."""
+    low = wp.min(ahead, beside)
+    gap = wp.abs(ahead - beside)
+    if gap >= cost:
+        return low + cost
+    return 0.5 * (ahead + beside + wp.sqrt(2.0 * cost * cost - gap * gap))
+
+
+@wp.func
+def swept(line: int, count: int, sweep: int, axis: int) -> int:
+    """Return the row (axis 0) or column (axis 1) that comes at a place of a sweep."""
+    if ((sweep >> axis) & 1) == 0:
+        return line
+    return count - 1 - line
 
 
 @wp.kernel(enable_backward=False)

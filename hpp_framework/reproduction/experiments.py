@@ -35,7 +35,7 @@ SAMPLING = (
     "hpp:cem.elites=15",
 )  # fmt: skip
 SWITCHES = (
-    BEST, "hpp:guide=false", "hpp:guard=false", "hpp:respond=false", "hpp:mixture=false", "hpp:evidence=0",
+    BEST, "hpp:respond=false", "hpp:mixture=false", "hpp:evidence=0",
     "hpp:shadow=0", "hpp:patience=0", "hpp:doubt=0", "hpp:keep=0.4", "hpp:terminal=0", "hpp:shared=false",
     "hpp:horizon=5",
 )  # fmt: skip

@@ -141,7 +141,7 @@ class _Progress(BaseCallback):
     def _on_rollout_start(self) -> None:
         assert isinstance(self.training_env, Sb3Adapter)
         done = self.num_timesteps / self.total
-        self.training_env.env.journeys.share = self.share(done)
+        self.training_env.env.tasks.share = self.share(done)
         log_std: Any = self.model.policy.log_std
         log_std.requires_grad_(requires_grad=False)
         log_std.fill_(self.config.log_std_init * (1 - done) + self.config.log_std_final * done)
@@ -154,7 +154,7 @@ class _Progress(BaseCallback):
             "steps": self.num_timesteps,
             "success": success,
             "touch_share": float(np.mean(self.training_env.touch_share)),
-            "worlds": round(self.training_env.env.journeys.share, 4),
+            "worlds": round(self.training_env.env.tasks.share, 4),
             # since this process began or resumed the training; `hpp bench` reads speed off it
             "seconds": round(perf_counter() - self._began, 4),
         }

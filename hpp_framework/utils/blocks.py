@@ -7,7 +7,7 @@ the same episode in a batch. In blocks of a fixed size each row is always comput
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
@@ -15,7 +15,7 @@ from torch import Tensor
 Answer = TypeVar("Answer", Tensor, tuple[Tensor, ...])
 
 
-def in_blocks(function: Callable[..., Answer], *inputs: Tensor, rows: int) -> Answer:
+def in_blocks(function: Callable[..., Answer], *inputs: Tensor, rows: int) -> Any:
     """Return what a function answers, asked for a fixed number of rows at a time.
 
     Args:
@@ -27,10 +27,8 @@ def in_blocks(function: Callable[..., Answer], *inputs: Tensor, rows: int) -> An
     missing = -count % rows
     if missing:
         inputs = tuple(torch.cat([each, each[-1:].expand(missing, *each.shape[1:])]) for each in inputs)
-    if len(inputs[0]) == rows:
-        answers = [function(*inputs)]
-    else:
-        answers = [function(*block) for block in zip(*(each.split(rows) for each in inputs), strict=True)]
+    blocks = zip(*(each.split(rows) for each in inputs), strict=True)
+    answers: Any = [function(*block) for block in blocks]
     if isinstance(answers[0], Tensor):
         return torch.cat(answers)[:count]
     return tuple(torch.cat(parts)[:count] for parts in zip(*answers, strict=True))

@@ -37,6 +37,17 @@ class FreeSpace:
         rows, columns, inside = self._cells(points)
         return np.where(inside, self.distance[rows, columns], 0.0).astype(np.float32)
 
+    def contains(self, point: npt.NDArray[np.floating]) -> bool:
+        """Return whether a point (x, y) lies within the bounds."""
+        return bool(self._cells(point[None])[2].all())
+
+    def distance_from(self, point: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+        """Return the distance (rows, columns) in metres from a point (x, y) to the centres of cells."""
+        rows, columns = self.distance.shape
+        x = self.origin[0] + (np.arange(columns) + 0.5) * self.resolution - point[0]
+        y = self.origin[1] + (np.arange(rows) + 0.5) * self.resolution - point[1]
+        return np.hypot(x, y[:, None])
+
     def regions(self, clearance: float) -> npt.NDArray[np.int32]:
         """Label the connected regions (rows, columns) where a disc of this radius fits; 0 is blocked."""
         free = self.distance > clearance

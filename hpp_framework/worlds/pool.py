@@ -16,9 +16,9 @@ from torch import Tensor
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.world import World
 from hpp_framework.utils.seeding import numpy_rng
-from hpp_framework.worlds.geodesic import GoalFields, comfortable_ways
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
+from hpp_framework.worlds.paths import PathFields, comfortable_paths
 
 POINTS = 256
 RESOLUTION = 0.1
@@ -31,14 +31,14 @@ class WorldPool:
     Attributes:
         worlds: the worlds.
         points: (worlds, points, 2) free points; any two of one world can be reached from each other.
-        goals: how many of each world's points, its first, have their ways known.
-        ways: the ways to them, world by world, or None.
+        goals: how many of each world's points, its first, have the paths to them known.
+        paths: the paths to them, world by world, or None.
     """
 
     worlds: tuple[World, ...]
     points: npt.NDArray[np.float32]
     goals: int = 0
-    ways: GoalFields | None = None
+    paths: PathFields | None = None
 
     def __len__(self) -> int:
         return len(self.worlds)
@@ -70,7 +70,7 @@ def build_practice_pool(
     goals: int,
     comfort: float,
 ) -> WorldPool:
-    """Generate worlds from easy to hard, draw free points in each, and find the ways to some of them.
+    """Generate worlds from easy to hard, draw free points in each, and find the paths to some of them.
 
     A world whose generator takes a ``difficulty`` gets one that rises evenly from 0 to 1 along the pool.
 
@@ -80,22 +80,22 @@ def build_practice_pool(
         robots: the team; points suit its largest footprint and tallest body.
         seed: of worlds and points; world ``i`` depends on the seed, ``i`` and ``size`` only.
         clearance: gap between a footprint at a point and the nearest obstacle, in metres.
-        goals: points a world that ways are found to.
-        comfort: gap to obstacles that ways prefer to keep, in metres.
+        goals: points per world that paths are found to.
+        comfort: gap to obstacles that paths prefer to keep, in metres.
     """
     factory = resolve_world(name)
     factories: list[Callable[..., World]] = [factory] * size
     if "difficulty" in signature(factory).parameters:
         factories = [partial(each, difficulty=(i + 0.5) / size) for i, each in enumerate(factories)]
     pool, spaces = _pool(name, factories, robots, seed, clearance)
-    ways = comfortable_ways(
+    paths = comfortable_paths(
         spaces,
         max(robot.footprint_radius for robot in robots),
         comfort,
         torch.from_numpy(pool.points[:, :goals].reshape(-1, 2).copy()),
         torch.arange(size).repeat_interleave(goals),
     )
-    return replace(pool, goals=goals, ways=ways)
+    return replace(pool, goals=goals, paths=paths)
 
 
 def draw_starts(

@@ -13,7 +13,6 @@ MODULES = (
     "hpp_framework.prediction.one_step_kernels",
     "hpp_framework.perception.local_map_kernels",
     "hpp_skills.dwa.window_kernels",
-    "hpp_framework.worlds.geodesic_kernels",
 )
 
 

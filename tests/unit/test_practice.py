@@ -13,7 +13,7 @@ from safetensors.torch import load_file
 
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.skill import SkillTraining
-from hpp_framework.envs.journeys import Journeys
+from hpp_framework.envs.navigation_tasks import NavigationTasks
 from hpp_framework.envs.point_to_point import GUIDE, PointToPointVectorEnv
 from hpp_framework.envs.problem import PointToPoint, Practice
 from hpp_framework.training.ppo import PpoConfig
@@ -34,22 +34,22 @@ def practise(pool, practice, count=32, **options):
     return env
 
 
-def test_a_practice_pool_goes_from_easy_to_hard_and_knows_the_ways_to_its_goals(pool):
-    assert pool.ways is not None
-    assert len(pool.ways.first) == 4 * 3
+def test_a_practice_pool_goes_from_easy_to_hard_and_knows_the_paths_to_its_goals(pool):
+    assert pool.paths is not None
+    assert len(pool.paths.values) == 4 * 3
     for world in range(4):
         goals = torch.from_numpy(pool.points[world, :3])
         field = torch.arange(3) + 3 * world
-        assert pool.ways.at(field, goals).max() < 0.4
-        others = pool.ways.at(field, goals.roll(1, 0))
+        assert pool.paths.at(field, goals).max() < 0.4
+        others = pool.paths.at(field, goals.roll(1, 0))
         assert (others >= (goals - goals.roll(1, 0)).norm(dim=1) * 0.98 - 0.1).all()
 
 
-def test_reward_counts_metres_along_the_way_and_the_guide_tells_them(pool):
+def test_reward_counts_metres_along_the_path_and_the_guide_tells_them(pool):
     env = practise(pool, QUIET, problem=PointToPoint(step=0.0, turn=0.0, linger=0.0, touch=0.0))
-    before = env.journeys.left(env.simulator.state().poses)
+    before = env.tasks.left(env.simulator.state().poses)
     seen, reward, ended, truncated, _ = env.step(np.tile([0.5, 0.2], (32, 1)))
-    after = env.journeys.left(env.simulator.state().poses)
+    after = env.tasks.left(env.simulator.state().poses)
     going = ~(ended | truncated)
     assert np.allclose(reward[going], (before - after).flatten().numpy()[going], atol=1e-5)
     assert seen["guide"].shape == (32, GUIDE)
@@ -57,13 +57,13 @@ def test_reward_counts_metres_along_the_way_and_the_guide_tells_them(pool):
     assert np.allclose(np.hypot(seen["guide"][:, 1], seen["guide"][:, 2]), 1, atol=1e-5)
 
 
-def test_the_guide_points_down_the_way(pool):
+def test_the_guide_points_down_the_path(pool):
     env = practise(pool, QUIET, count=64)
     poses = env.simulator.state().poses
-    bearing = env.journeys.direction(poses) + poses[..., 2]
+    bearing = env.tasks.direction(poses) + poses[..., 2]
     ahead = poses.clone()
     ahead[..., :2] += 0.2 * torch.stack([bearing.cos(), bearing.sin()], -1)
-    nearer = env.journeys.left(ahead) < env.journeys.left(poses)
+    nearer = env.tasks.left(ahead) < env.tasks.left(poses)
     assert nearer.float().mean() > 0.95
 
 
@@ -100,7 +100,7 @@ def test_touches_end_episodes_as_failures_if_asked(pool):
 def test_disturbances_are_a_share_of_the_strongest_anew_in_each_world(pool):
     strong = replace(QUIET, noise=NoiseModel(position_std=0.5))
     env = practise(pool, strong, count=256)
-    true = env.journeys.straight(env.simulator.state().poses).flatten().numpy()
+    true = env.tasks.straight(env.simulator.state().poses).flatten().numpy()
     error = np.abs(env.reset(seed=0)[0]["goal"][:, 0] - true)
     strength = env._sensing.intensity.numpy()
     assert strength.min() < 0.1
@@ -108,11 +108,11 @@ def test_disturbances_are_a_share_of_the_strongest_anew_in_each_world(pool):
     assert error[strength < 0.1].mean() < error[strength > 0.7].mean() / 3
 
 
-def test_detours_lead_a_longer_way_around(pool, torch_rng):
+def test_detours_lead_a_longer_path_around(pool, torch_rng):
     def extra(share):
-        journeys = Journeys(pool, (400, 1), (1.0, 8.0), 0.9, share)
-        poses = journeys.draw(torch.ones(400, 1, dtype=torch.bool), torch.zeros(400, 1, 3), torch_rng)
-        return float((journeys.left(poses) - journeys.straight(poses)).mean())
+        tasks = NavigationTasks(pool, (400, 1), (1.0, 8.0), 0.9, share)
+        poses = tasks.draw(torch.ones(400, 1, dtype=torch.bool), torch.zeros(400, 1, 3), torch_rng)
+        return float((tasks.left(poses) - tasks.straight(poses)).mean())
 
     assert extra(1.0) > 1.2 * extra(0.0)
 

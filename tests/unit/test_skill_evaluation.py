@@ -20,15 +20,21 @@ from hpp_framework.core.world import Box, Cylinder, World
 from hpp_framework.evaluation import skill_study
 from hpp_framework.evaluation.bootstrap import mean
 from hpp_framework.evaluation.competence import competence_card, competence_map
-from hpp_framework.evaluation.journeys import CLEARANCES, DISTANCES, Journeys, clearances, draw_journeys
-from hpp_framework.evaluation.lower_bound import time_bounds
-from hpp_framework.evaluation.skill import drive_journeys, evaluate_skill, skill_episodes
+from hpp_framework.evaluation.navigation_tasks import (
+    CLEARANCES,
+    DISTANCES,
+    NavigationTasks,
+    clearances,
+    draw_navigation_tasks,
+    navigation_task,
+)
+from hpp_framework.evaluation.path_bounds import path_lengths
+from hpp_framework.evaluation.skill import drive_tasks, evaluate_skill, skill_episodes
 from hpp_framework.evaluation.skill_score import SkillRow, score
 from hpp_framework.evaluation.skill_study import SkillStudy, run_study
 from hpp_framework.evaluation.statistics import Estimate
 from hpp_framework.evaluation.table import read_rows, write_rows
-from hpp_framework.evaluation.trial import ARRIVAL, Trial
-from hpp_framework.evaluation.ways import journey_ways
+from hpp_framework.evaluation.trial import Trial
 from hpp_framework.sim import make_simulator
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.occupancy import free_space
@@ -63,24 +69,14 @@ class Straight(Skill):
         return torch.stack([speed * (bearing.abs() < 0.5), turn], -1)
 
 
-def journeys(world, robot, poses, goals) -> Journeys:
-    """Return journeys between given places of a world."""
-    poses, goals = np.array(poses, float), np.array(goals, float)
-    spaces = [free_space(world, body_height=robot.height)] * len(poses)
-    ways = journey_ways(spaces, robot.footprint_radius, poses[:, :2], goals, goal_radius=ARRIVAL.goal_radius)
-    return Journeys(
-        worlds=(world,) * len(poses),
-        poses=torch.from_numpy(poses).float()[:, None],
-        goals=torch.from_numpy(goals).float(),
-        distance=ways.straight,
-        clearance=np.diag(clearances(world, robot, poses[:, :2], goals)),
-        shortest=ways.shortest,
-        bound=time_bounds(ways, poses, goals, robot.drive, ARRIVAL),
-    )
+def tasks(world, robot, poses, goals) -> NavigationTasks:
+    """Return navigation tasks between given places of a world."""
+    ends = zip(np.array(poses, float), np.array(goals, float), strict=True)
+    return NavigationTasks.of([navigation_task(world, robot, pose, goal) for pose, goal in ends])
 
 
 def drive(skill, robot, known, **trial) -> list[SkillRow]:
-    return skill_episodes(skill, robot, Trial(episodes=len(known), **trial), journeys=known)
+    return skill_episodes(skill, robot, Trial(episodes=len(known), **trial), tasks=known)
 
 
 def row(**values) -> SkillRow:
@@ -104,7 +100,7 @@ def small(register, small_world) -> str:
 
 
 def test_who_stands_freezes_and_who_circles_times_out(fetch):
-    known = journeys(ROOM, fetch, [[0, 0, 0]], [[5, 0]])
+    known = tasks(ROOM, fetch, [[0, 0, 0]], [[5, 0]])
     still, circling = drive(Still(), fetch, known)[0], drive(Circling(), fetch, known)[0]
     assert (still.success, still.freeze, still.timeout, still.collision) == (0, 1, 0, 0)
     assert (circling.success, circling.freeze, circling.timeout, circling.collision) == (0, 0, 1, 0)
@@ -115,8 +111,8 @@ def test_who_stands_freezes_and_who_circles_times_out(fetch):
     assert math.isnan(still.time_ratio)
 
 
-def test_a_box_in_between_is_hit_and_a_free_way_is_not(fetch):
-    known = journeys(BOXED, fetch, [[-4, 0, 0], [-4, 4, 0]], [[4, 0], [4, 4]])
+def test_a_box_in_between_is_hit_and_a_free_path_is_not(fetch):
+    known = tasks(BOXED, fetch, [[-4, 0, 0], [-4, 4, 0]], [[4, 0], [4, 4]])
     blocked, free = drive(Straight(), fetch, known)
     assert (blocked.success, blocked.collision, blocked.clean, blocked.freeze) == (0, 1, 0, 1)
     assert (free.success, free.collision, free.clean) == (1, 0, 1)
@@ -124,7 +120,7 @@ def test_a_box_in_between_is_hit_and_a_free_way_is_not(fetch):
 
 def test_success_after_a_touch_is_not_clean(fetch):
     # the disc grazes a corner of the box, slides past it and goes on
-    known = journeys(BOXED, fetch, [[-4, 1.2, 0]], [[4, 1.2]])
+    known = tasks(BOXED, fetch, [[-4, 1.2, 0]], [[4, 1.2]])
     (result,) = drive(Straight(), fetch, known)
     assert (result.success, result.collision, result.clean) == (1, 1, 0)
 
@@ -137,9 +133,9 @@ def test_a_touch_after_the_success_does_not_count(fetch):
             return there if self.steps < 100 else torch.tensor([[1.0, 0.0]]).repeat(len(goal), 1)
 
     far = [[-9, -9, 0]], [[9, 9]]
-    known = journeys(ROOM, fetch, [[5, 0, 0], *far[0]], [[7, 0], *far[1]])
+    known = tasks(ROOM, fetch, [[5, 0, 0], *far[0]], [[7, 0], *far[1]])
     simulator = make_simulator("batch", [fetch])
-    drives = drive_journeys(Onwards(), simulator, known, slice(0, 2), Trial(episodes=2))
+    drives = drive_tasks(Onwards(), simulator, known, slice(0, 2), Trial(episodes=2))
     assert int(drives.done[0]) > 0
     assert drives.collided.tolist() == [False, True]
 
@@ -149,7 +145,7 @@ def test_a_touch_after_the_success_does_not_count(fetch):
 
 def test_a_straight_drive_has_all_of_its_path_length(fetch):
     starts = [[0, 0, 0], [-5, -5, math.pi / 4]]
-    rows = drive(Straight(), fetch, journeys(ROOM, fetch, starts, [[6, 0], [0, 0]]))
+    rows = drive(Straight(), fetch, tasks(ROOM, fetch, starts, [[6, 0], [0, 0]]))
     assert [r.success for r in rows] == [1, 1]
     assert min(r.spl for r in rows) > 0.995
     assert max(r.spl for r in rows) <= 1
@@ -161,14 +157,14 @@ def test_a_detour_costs_path_length(fetch):
             over = observation.pose[:, 0] < 0
             return super().act(observation, torch.where(over[:, None], torch.tensor([[0.3, 4.0]]), goal))
 
-    (result,) = drive(Detour(), fetch, journeys(ROOM, fetch, [[-4, 0, 0]], [[4, 0]]))
+    (result,) = drive(Detour(), fetch, tasks(ROOM, fetch, [[-4, 0, 0]], [[4, 0]]))
     assert result.success
     # two sides of a triangle, 4 m wide and 4 m high, and a wide turn
     assert 0.5 < result.spl < 8 / (2 * math.hypot(4, 4)) + 0.01
 
 
-def exact_way_around_box(half: float, radius: float, start, goal) -> float:
-    """Return the shortest way of a disc from left of a square to right of it, by tangents and arcs."""
+def exact_path_around_box(half: float, radius: float, start, goal) -> float:
+    """Return the shortest path of a disc from left of a square to right of it, by tangents and arcs."""
     lengths = []
     for sign in (1, -1):
         (x0, y0), (x1, y1) = (start[0], start[1] * sign), (goal[0], goal[1] * sign)
@@ -178,27 +174,28 @@ def exact_way_around_box(half: float, radius: float, start, goal) -> float:
             dx, dy = x - half, y - half
             away = math.hypot(dx, dy)
             total += math.sqrt(away**2 - radius**2)
-            # angle at which the way leaves the corner, from straight up
+            # angle at which the path leaves the corner, from straight up
             angle = math.atan2(dx, dy) - math.acos(radius / away)
             total += radius * max(angle, 0)
         lengths.append(total)
     return min(lengths)
 
 
-def test_the_shortest_way_is_right_and_the_least_way_is_less(rng):
+def test_the_shortest_path_is_right_and_the_bound_is_less(rng):
     radius, count = 0.2877, 8
     space = free_space(BOXED, body_height=1.0)
     starts = np.stack([-rng.uniform(1.6, 8, count), rng.uniform(-0.9, 0.9, count)], -1)
     goals = np.stack([rng.uniform(1.6, 8, count), rng.uniform(-0.9, 0.9, count)], -1)
-    ways = journey_ways([space] * count, radius, starts, goals, goal_radius=0.3)
-    exact = np.array([exact_way_around_box(1.0, radius, *ends) for ends in zip(starts, goals, strict=True)])
-    np.testing.assert_allclose(ways.shortest, exact, rtol=0.03)
-    slack = exact - 0.3 - ways.least
+    ends = zip(starts, goals, strict=True)
+    shortest, least = np.array([path_lengths(space, radius, *each, 0.3) for each in ends]).T
+    exact = np.array([exact_path_around_box(1.0, radius, *ends) for ends in zip(starts, goals, strict=True)])
+    np.testing.assert_allclose(shortest, exact, rtol=0.03)
+    slack = exact - 0.3 - least
     assert (slack >= 0).all()
     assert (slack < 0.35 + 0.05 * exact).all()
 
 
-def test_the_least_way_ends_at_the_disc_around_the_goal_even_through_a_wall(fetch):
+def test_the_bounded_path_ends_at_the_disc_around_the_goal_even_through_a_wall(fetch):
     # one can be within 0.3 m of the goal on the other side of a gap that is too narrow to pass
     gate = World(
         name="gate",
@@ -207,29 +204,25 @@ def test_the_least_way_ends_at_the_disc_around_the_goal_even_through_a_wall(fetc
         boxes=(Box(center=(0, -5.2), size=(0.01, 9.6)), Box(center=(0, 5.2), size=(0.01, 9.6))),
     )
     space = free_space(gate, body_height=1.0)
-    ways = journey_ways([space], 0.2877, np.array([[-3.0, 0.0]]), np.array([[0.14, 0.0]]), goal_radius=0.3)
-    assert ways.least[0] <= 2.87
+    _, least = path_lengths(space, 0.2877, np.array([-3.0, 0.0]), np.array([0.14, 0.0]), 0.3)
+    assert least <= 2.87
 
 
 # the time bound
 
 
 def test_the_bound_of_a_straight_drive_is_its_trapezoid(fetch):
-    known = journeys(ROOM, fetch, [[-4, 0, 0]], [[4, 0]])
+    known = tasks(ROOM, fetch, [[-4, 0, 0]], [[4, 0]])
     # 7.7 m at 0.4 m/s^2 up to 1 m/s and down to 0.15 m/s; then the second at rest, whole periods
     braking = (1 - 0.15**2) / 0.8
     exact = 1 / 0.4 + (7.7 - 1.25 - braking) / 1 + (1 - 0.15) / 0.4
     assert known.bound[0] == pytest.approx(math.ceil(exact / 0.2) * 0.2 + 0.8)
 
 
-def test_facing_away_costs_time_and_backing_up_does_not(fetch):
-    ways = journeys(ROOM, fetch, [[0, 0, 0], [0, 0, math.pi / 2], [0, 0, math.pi]], [[5, 0]] * 3)
-    ahead, beside, behind = ways.bound
-    assert ahead == beside
-    assert behind > ahead + 0.15
-    reversing = replace(fetch, drive=replace(fetch.drive, speed=(-1.0, 1.0)))
-    both = journeys(ROOM, reversing, [[0, 0, 0], [0, 0, math.pi]], [[5, 0]] * 2)
-    assert both.bound[0] == both.bound[1] == ahead
+def test_backing_up_counts_if_it_is_faster(fetch):
+    reversing = replace(fetch, drive=replace(fetch.drive, speed=(-2.0, 1.0)))
+    forward = tasks(ROOM, fetch, [[0, 0, 0]], [[8, 0]])
+    assert tasks(ROOM, reversing, [[0, 0, 0]], [[8, 0]]).bound[0] < forward.bound[0] - 1
 
 
 class Greedy(Skill):
@@ -261,7 +254,7 @@ def test_no_drive_beats_the_bound_and_some_come_close(fetch, limits, rng):
     robot, count = replace(fetch, drive=limits), 96
     starts = np.stack([np.full(count, -7), np.zeros(count), rng.uniform(-np.pi, np.pi, count)], -1)
     goals = np.stack([rng.uniform(-6.6, 7, count), np.zeros(count)], -1)
-    rows = drive(Greedy(limits), robot, journeys(ROOM, robot, starts, goals), steps=250)
+    rows = drive(Greedy(limits), robot, tasks(ROOM, robot, starts, goals), steps=250)
     ratios = np.array([r.time_s / r.bound_s for r in rows if r.success])
     assert len(ratios) > count / 2
     assert ratios.min() > 1 - 1e-9
@@ -275,10 +268,10 @@ def test_no_drive_around_obstacles_beats_the_bound(fetch, small):
     assert 1 <= min(ratios) < 1.2
 
 
-# journeys
+# tasks
 
 
-def test_clearance_is_that_of_the_best_way(fetch):
+def test_clearance_is_that_of_the_best_path(fetch):
     # a wall with a gap of 1.0 m: footprint 0.2877 and 0.21 m on either side
     wall = World(
         name="gap",
@@ -294,21 +287,21 @@ def test_clearance_is_that_of_the_best_way(fetch):
     assert single[0, 0] == through
 
 
-def test_journeys_are_as_asked_for(fetch):
+def test_tasks_are_as_asked_for(fetch):
     trial = Trial(episodes=4, seed=6001)
-    known = draw_journeys(fetch, trial)
+    known = draw_navigation_tasks(fetch, trial)
     assert ((known.distance >= 5) & (known.distance <= 10)).all()
     assert (known.clearance >= 0.15).all()
     assert (known.shortest >= known.distance - 1e-6).all()
     assert len(set(known.worlds)) == 4
-    first = draw_journeys(fetch, replace(trial, episodes=2))
+    first = draw_navigation_tasks(fetch, replace(trial, episodes=2))
     torch.testing.assert_close(first.poses, known.poses[:2], rtol=0, atol=0)
     torch.testing.assert_close(first.goals, known.goals[:2], rtol=0, atol=0)
 
 
-def test_even_journeys_fill_the_map(fetch, small):
+def test_even_tasks_fill_the_map(fetch, small):
     trial = Trial(episodes=60, goal_distance=(1.0, 8.0), clearance=0.05, draw="even", world=small)
-    known = draw_journeys(fetch, trial)
+    known = draw_navigation_tasks(fetch, trial)
     counts, _, _ = np.histogram2d(known.distance, known.clearance, (DISTANCES, (0, 0.05, 0.15, 0.3, 0.6, 9)))
     filled = counts[counts > 0]
     assert len(filled) >= 12
@@ -318,7 +311,7 @@ def test_even_journeys_fill_the_map(fetch, small):
 
 def test_a_goal_that_no_world_has_is_refused(fetch):
     with pytest.raises(ConfigError, match="'simple' has no goal 40 to 50 m away"):
-        draw_journeys(fetch, Trial(world="simple", episodes=1, goal_distance=(40.0, 50.0)))
+        draw_navigation_tasks(fetch, Trial(world="simple", episodes=1, goal_distance=(40.0, 50.0)))
 
 
 @pytest.mark.parametrize(
@@ -407,7 +400,7 @@ def test_evaluate_skill_is_what_its_episodes_come_to(fetch, small):
 
 @pytest.mark.sapien
 def test_both_simulators_agree(fetch):
-    known = journeys(
+    known = tasks(
         BOXED, fetch, [[-4, 4, 1.0], [-4, 0, 0], [0, -5, 2.0], [5, 5, -2.0]],
         [[4, 4], [4, 0], [5, -5], [5, 1]],
     )  # fmt: skip
@@ -439,7 +432,7 @@ def test_the_command_writes_tables_and_a_picture(tmp_path, capsys):
     rows = read_rows(tmp_path / "episodes.csv", SkillRow)
     assert [(r.skill, r.episode) for r in rows] == [(s, e) for s in ("straight", "still") for e in range(3)]
     assert [r.success for r in rows] == [1, 1, 1, 0, 0, 0]
-    # both drove the same journeys
+    # both drove the same tasks
     assert [r.shortest_m for r in rows[:3]] == [r.shortest_m for r in rows[3:]]
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert [(cell["skill"], cell["summary"]["success"]) for cell in summary] == [

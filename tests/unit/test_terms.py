@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hpp_framework.core.composition import ComposedTask, Limit, Rules, Weighed
-from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Visit
+from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Gathering
 from hpp_framework.utils.errors import ConfigError
 
 NUMBERS = st.floats(-5, 5, width=32)
@@ -47,7 +47,7 @@ def test_gather_counts_beyond_its_radius():
 def test_distances_are_too_near_or_too_far():
     term = Between([(0, 1), (0, 2)], [1.0, 2.0], 3.0)
     assert term.errors(team((0, 0), (0.25, 0), (0, 5))).tolist() == [[0.75, 2.0]]
-    apart = Apart(0, 1, 0.5, 3.5), Apart(0, 2, 1.5, 3.5)
+    apart = Apart(0, 1, 0.5), Apart(0, 2, 1.5)
     assert term.requirement(0.5) == AllOf((*apart, Gathering(1.75, (0, 1)), Gathering(1.75, (0, 2))))
 
 
@@ -108,7 +108,7 @@ def test_two_that_are_near_turn_to_each_other_from_about_where_they_are():
 def test_region_is_a_disc():
     term = Region([1], (3.0, 0.0), 1.0)
     assert term.errors(team((9, 9), (3, 4))).tolist() == [[3.0]]
-    assert term.requirement(0.0) == AllOf((Visit(1, (3.0, 0.0), 1.0),))
+    assert term.requirement(0.5) == Gathering(1.5, (1,), (3.0, 0.0))
 
 
 def test_coverage_asks_for_the_nearest_robot():
@@ -188,14 +188,13 @@ def test_a_formation_that_may_turn_ignores_turns_and_fits_at_least_as_well(poses
     assert (total <= Formation(Form(shape)).errors(here).square().sum(-1) + 1e-3).all()
 
 
-def test_requirements_of_a_formation():
-    fixed = Formation(Form(line(2, 2.0), nearest=False)).requirement(0.25)
-    assert fixed == AllOf((Displaced(0, 1, (-2.0, 0.0), 0.5),))
-    turned = Formation(Form(line(2, 2.0), nearest=False, turn=True)).requirement(0.25)
-    assert turned == AllOf((Apart(0, 1, 1.5, 2.5),))
-    free = Formation(Form(line(3, 2.0))).requirement(0.25)
-    assert isinstance(free, AnyOf)
-    assert len(free.parts) == 6
+@settings(max_examples=30, deadline=None)
+@given(TEAMS, st.booleans(), st.booleans())
+def test_robots_of_a_formation_are_near_its_centre(poses, nearest, turn):
+    term = Formation(Form(line(len(poses), 1.2), nearest=nearest, turn=turn))
+    here = torch.tensor([poses])
+    required = term.requirement(float(term.errors(here).max()))
+    assert Gather(required.radius).errors(here).max() < 1e-4
 
 
 def test_rest_counts_only_where_it_is_asked_for():

@@ -25,7 +25,7 @@ from hpp_framework.evaluation.saving import CHOICES
 from hpp_framework.evaluation.table import read_rows
 from hpp_framework.reproduction.report.names import anchor, name_of, planner_label, privileged, world_label
 from hpp_framework.reproduction.report.results import Ran
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import replacing
 from hpp_framework.viz import marks
 from hpp_framework.viz.backdrop import Image
 from hpp_framework.viz.record import EpisodeRecord
@@ -125,7 +125,7 @@ def _records(
         say(f"running {planner} in {world} once more to film it")
         about = {"world": world, "planner": planner, "preset": experiment.preset, "team": experiment.team,
                  "backend": experiment.backend, "seed": experiment.seed}  # fmt: skip
-        for batch in replay(experiment, resolve_world(world), list(numbers.values()), experiment.episodes):
+        for batch in replay(experiment, resolve_world(world), list(numbers.values())):
             for number in batch.recorders:
                 save_record(place / f"{number:05d}.npz", batch.record(number, {**about, "episode": number}))
             with replacing(place / PATHS) as temporary, temporary.open("wb") as stream:

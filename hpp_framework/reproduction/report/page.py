@@ -18,7 +18,7 @@ from hpp_framework.reproduction.report.films import REPORT, shown_cells
 from hpp_framework.reproduction.report.paper import CITATION
 from hpp_framework.reproduction.report.results import Ran, Row, read_reproduction
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import replacing
+from hpp_framework.utils.run_folder import replacing
 
 PAGE = "index.html"
 DASH, MINUS = "\u2013", "\u2212"

@@ -18,7 +18,7 @@ from hpp_framework.evaluation.distances import BANDS
 from hpp_framework.reproduction.judge import CLAIMS
 from hpp_framework.reproduction.plan import PLAN, PLANNERS
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.files import read_json
+from hpp_framework.utils.run_folder import read_json
 
 VERDICTS = ("holds", "holds partly", "does not hold", "undecided", "not measured")
 

@@ -22,7 +22,7 @@ class Rooms:
         goals: places in each that robots are sent to.
         margin: metres by which robots are thicker than they are, so that they learn to keep off.
         clearance: gap between such a robot at a start or goal and the nearest obstacle, in metres.
-        comfort: gap to obstacles that the rewarded way prefers to keep, in metres.
+        comfort: gap to obstacles that the rewarded path prefers to keep, in metres.
         robots: that practise side by side.
         robots_per_world: that share a world and are in each other's way.
         first_share: part of the worlds, the easiest, that training begins with.
@@ -80,4 +80,4 @@ GOING_ON: Mapping[str, Any] = {
     "ppo.learning_rate": 3e-4, "ppo.log_std_init": -1.5, "rooms.first_share": 1.0, "practice.detours": 0.3,
 }  # fmt: skip
 """What differs when a training goes on from trained weights: small steps and little exploration keep what the
-policy knows, and journeys are harder."""
+policy knows, and navigation tasks are harder."""

@@ -38,7 +38,7 @@ JUDGED: dict[str, dict[str, Any]] = {
         ("training", 0.15), ("rooms", 0.05), ("passages", 0.05), ("legs", 0.15), ("barn", 0.05)
     )
 }  # fmt: skip
-"""Worlds that a finished policy is judged in, and the gap to obstacles that its journeys can keep."""
+"""Worlds that a finished policy is judged in, and the gap to obstacles that its paths can keep."""
 
 
 def train(config: SkillTraining) -> Path:

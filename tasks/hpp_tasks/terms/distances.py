@@ -92,12 +92,13 @@ class Between(Term):
 
     def requirement(self, limit: float) -> Requirement:
         """Return what the distances must be."""
-        ranged = zip(self.chosen, self.least, strict=True)
         parts: list[Requirement] = [
-            Apart(*pair, max(low - limit, 0.0), self.most + limit) for pair, low in ranged
+            Apart(*pair, low - limit)
+            for pair, low in zip(self.chosen, self.least, strict=True)
+            if low > limit
         ]
         if self.most < math.inf:
-            # seen from the middle between them
+            # both are within half the distance of the middle between them
             parts += [Gathering((self.most + limit) / 2, pair) for pair in self.chosen]
         return AllOf(tuple(parts))
 

@@ -5,20 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Requirement
+from hpp_framework.core.requirement import Gathering, Requirement
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import any_heading
 from hpp_framework.core.term import Term
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_tasks.terms.assignment import MOST_TURNED, nearest_roles, turned_roles
-from hpp_tasks.terms.distances import pairs
 from hpp_tasks.terms.shapes import Offsets, line, ring, turned
 
 ROLES = ("nearest", "fixed")
@@ -97,28 +95,8 @@ class Formation(Term):
         return any_heading(goals[..., None, :] + fitted(self.form, off))
 
     def requirement(self, limit: float) -> Requirement:
-        """Return how pairs of robots must lie to each other; each may be off by the limit."""
-        count, slack = len(self.offsets), 2 * limit
-        if not self.form.nearest:
-            return AllOf(tuple(self._pair(pair, pair, slack) for pair in pairs(count)))
-        if count <= MOST_TURNED:
-            return AnyOf(
-                tuple(
-                    AllOf(tuple(self._pair(p, (roles[p[0]], roles[p[1]]), slack) for p in pairs(count)))
-                    for roles in permutations(range(count))
-                )
-            )
-        ordered = list(permutations(range(count), 2))
-        return AllOf(
-            tuple(AnyOf(tuple(self._pair(p, roles, slack) for roles in ordered)) for p in pairs(count))
-        )
-
-    def _pair(self, pair: tuple[int, int], roles: tuple[int, int], slack: float) -> Requirement:
-        x, y = (self.offsets[roles[0]] - self.offsets[roles[1]]).tolist()
-        if self.form.turn:
-            apart = math.hypot(x, y)
-            return Apart(*pair, max(apart - slack, 0.0), apart + slack)
-        return Displaced(*pair, (x, y), slack)
+        """Return that all robots are as near to the team's centre as the shape is large."""
+        return Gathering(float(self.offsets.norm(dim=-1).max()) + limit)
 
 
 def formation(

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.core.requirement import AllOf, Requirement, Visit
+from hpp_framework.core.requirement import Gathering, Requirement
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.team import robot_index
 from hpp_framework.core.term import Term
@@ -37,8 +37,8 @@ class Region(Term):
         return (torch.hypot(x - self.centre[0], y - self.centre[1]) - self.radius).clamp(min=0)
 
     def requirement(self, limit: float) -> Requirement:
-        """Return that every one of the robots has come to the disc."""
-        return AllOf(tuple(Visit(robot, self.centre, self.radius + limit) for robot in self.robots))
+        """Return that all of the robots have come to the disc."""
+        return Gathering(self.radius + limit, tuple(self.robots), self.centre)
 
 
 class Coverage(Term):

@@ -12,18 +12,18 @@ from hpp_framework.worlds.pool import WorldPool
 CANDIDATES = 16
 """Free points that starts and goals are picked from."""
 _PROBE = 0.25
-"""Metres beside a robot at which the way's length is read to find the way's direction."""
+"""Metres beside a robot at which the path length is read to find the path's direction."""
 
 
-class Journeys:
+class NavigationTasks:
     """Draws worlds, starts and goals for rows of robots, one world a row.
 
     Args:
-        pool: the worlds; if it knows ways, goals are those that it knows ways to.
+        pool: the worlds; if it knows paths, goals are those that it knows paths to.
         shape: rows, robots a row.
         goal_distance: nearest and farthest goal, straight line, in metres.
         gap: smallest distance between the middles of two robots at the start, in metres.
-        detours: share of journeys to the goal with the longest detour among some, if ways are known.
+        detours: share of tasks to the goal with the longest detour among some, if paths are known.
 
     Attributes:
         share: part of the pool that worlds are drawn from, its first.
@@ -46,7 +46,7 @@ class Journeys:
         self.goals = torch.zeros(*shape, 2)
         self._goal_index = torch.zeros(shape, dtype=torch.int64)
         self._points = torch.from_numpy(pool.points)
-        self._destinations = self._points[:, : pool.goals] if pool.ways else self._points
+        self._destinations = self._points[:, : pool.goals] if pool.paths else self._points
 
     def draw(
         self, chosen: Bool[Tensor, "w n"], poses: Float[Tensor, "w n 3"], rng: torch.Generator
@@ -55,11 +55,11 @@ class Journeys:
 
         Args:
             chosen: which robots.
-            poses: of everybody now.
+            poses: of all robots now.
             rng: source of randomness.
 
         Returns:
-            Poses of everybody, the chosen ones at their starts.
+            Poses of all robots, the chosen ones at their starts.
         """
         rows, robots = chosen.shape
         count = max(1, round(self.share * len(self.pool)))
@@ -83,22 +83,22 @@ class Journeys:
         return (poses[..., :2] - self.goals).norm(dim=-1)
 
     def left(self, poses: Float[Tensor, "w n 3"]) -> Float[Tensor, "w n"]:
-        """Return metres to go: along the way if the pool knows ways, else straight."""
-        return self._way(poses[..., :2]) if self.pool.ways else self.straight(poses)
+        """Return metres to go: along the path if the pool knows paths, else straight."""
+        return self._path(poses[..., :2]) if self.pool.paths else self.straight(poses)
 
     def direction(self, poses: Float[Tensor, "w n 3"]) -> Float[Tensor, "w n"]:
-        """Return the bearing of the way's first piece, in the robots' frames, radians."""
-        if not self.pool.ways:
+        """Return the bearing of the path's first piece, in the robots' frames, radians."""
+        if not self.pool.paths:
             return geometry.polar(poses, self.goals)[..., 1]
         probes = torch.tensor([[_PROBE, 0.0], [-_PROBE, 0.0], [0.0, _PROBE], [0.0, -_PROBE]])
-        east, west, north, south = self._way(poses[..., None, :2] + probes).unbind(-1)
+        east, west, north, south = self._path(poses[..., None, :2] + probes).unbind(-1)
         return geometry.wrap_angle(torch.atan2(south - north, west - east) - poses[..., 2])
 
-    def _way(self, points: Float[Tensor, "w n *m 2"]) -> Float[Tensor, "w n *m"]:
-        assert self.pool.ways
+    def _path(self, points: Float[Tensor, "w n *m 2"]) -> Float[Tensor, "w n *m"]:
+        assert self.pool.paths
         field = self.world_index[:, None] * self.pool.goals + self._goal_index
         field = field.reshape(*field.shape, *[1] * (points.dim() - 3)).expand(points.shape[:-1])
-        return self.pool.ways.at(field.reshape(-1), points.reshape(-1, 2)).reshape(points.shape[:-1])
+        return self.pool.paths.at(field.reshape(-1), points.reshape(-1, 2)).reshape(points.shape[:-1])
 
     def _draw_start(self, poses: Tensor, robot: int, rng: torch.Generator) -> Tensor:
         candidates, _ = self._candidates(self._points, rng)
@@ -116,11 +116,11 @@ class Journeys:
         suitable = (distance >= low) & (distance <= high)
         first = suitable.to(torch.uint8).argmax(1)
         rows = torch.arange(len(candidates))
-        if self.detours and self.pool.ways:
+        if self.detours and self.pool.paths:
             field = self.world_index[:, None] * self.pool.goals + index
             from_start = start[:, None].expand_as(candidates)
-            way = self.pool.ways.at(field.reshape(-1), from_start.reshape(-1, 2)).reshape(distance.shape)
-            longest = torch.where(suitable, way - distance, -1.0).argmax(1)
+            path = self.pool.paths.at(field.reshape(-1), from_start.reshape(-1, 2)).reshape(distance.shape)
+            longest = torch.where(suitable, path - distance, -1.0).argmax(1)
             first = torch.where(torch.rand(len(rows), generator=rng) < self.detours, longest, first)
         return candidates[rows, first], index[rows, first]
 

@@ -1,8 +1,8 @@
-"""Journeys that skills are judged on: a world, a start, a goal that can be reached, and how hard it is."""
+"""Navigation tasks that skills are judged on: a start, a goal that can be reached, and their difficulty."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,9 +14,8 @@ from torch import Tensor
 
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.world import World
-from hpp_framework.evaluation.lower_bound import time_bounds
+from hpp_framework.evaluation.path_bounds import in_periods, least_time, path_lengths
 from hpp_framework.evaluation.trial import ARRIVAL, RESOLUTION, Trial
-from hpp_framework.evaluation.ways import Ways, journey_ways
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.loader import resolve_world
@@ -28,9 +27,9 @@ Progress = Callable[[int], None]
 DISTANCES = (1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 15.0)
 """Edges in metres of the bins of the straight distance from start to goal."""
 CLEARANCES = (0.0, 0.05, 0.15, 0.3, 0.6, float("inf"))
-"""Edges in metres of the bins of a journey's clearance."""
+"""Edges in metres of the bins of a task's clearance."""
 LADDER = (0.02, 0.035, 0.05, 0.075, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
-"""Gaps in metres that are tried to find a journey's clearance."""
+"""Gaps in metres that are tried to find a task's clearance."""
 
 POINTS = 256
 """Free points drawn in a world."""
@@ -38,63 +37,88 @@ STARTS = 32
 """Of those, how many are tried as starts."""
 REDRAWS = 20
 """Worlds drawn for an episode before a goal at the wanted distance is given up."""
-CHUNK = 128
-"""Worlds whose ways are worked out at a time, so that memory stays bounded."""
 
 
 @dataclass(frozen=True)
-class Journeys:
-    """Episodes to come, and what can be known of them beforehand.
+class NavigationTask:
+    """A robot at rest and a goal.
 
     Attributes:
-        worlds: one an episode.
-        poses: start, robot at rest.
+        world: where.
+        pose: start.
+        goal: in metres.
+        clearance: largest gap of :data:`LADDER` that a disc of the footprint keeps to everything on some
+            path from start to goal, ends included; 0 if none. Metres.
+        shortest: length of the shortest path of the footprint, metres.
+        bound: seconds that no drive within the robot's limits can beat.
+    """
+
+    world: World
+    pose: Float[np.ndarray, "3"]
+    goal: Float[np.ndarray, "2"]
+    clearance: float
+    shortest: float
+    bound: float
+
+
+@dataclass(frozen=True)
+class NavigationTasks:
+    """Navigation tasks side by side, one per episode; see :class:`NavigationTask`.
+
+    Attributes:
+        worlds: one per episode.
+        poses: starts.
         goals: in metres.
-        distance: (b,) straight from start to goal, metres.
-        clearance: (b,) largest gap of :data:`LADDER` that a disc of the footprint keeps to everything on some
-            way from start to goal, ends included; 0 if none. Metres.
-        shortest: (b,) length of the shortest way of the footprint, metres.
-        bound: (b,) seconds that no drive within the robot's limits can beat.
+        distance: straight from start to goal, metres.
+        clearance: in metres.
+        shortest: in metres.
+        bound: in seconds.
     """
 
     worlds: tuple[World, ...]
     poses: Float[Tensor, "b 1 3"]
     goals: Float[Tensor, "b 2"]
-    distance: Array
-    clearance: Array
-    shortest: Array
-    bound: Array
+    distance: Float[np.ndarray, "b"]
+    clearance: Float[np.ndarray, "b"]
+    shortest: Float[np.ndarray, "b"]
+    bound: Float[np.ndarray, "b"]
 
     def __len__(self) -> int:
         return len(self.worlds)
 
+    @staticmethod
+    def of(tasks: Sequence[NavigationTask]) -> NavigationTasks:
+        """Return single tasks side by side."""
+        poses, goals = np.stack([task.pose for task in tasks]), np.stack([task.goal for task in tasks])
+        return NavigationTasks(
+            worlds=tuple(task.world for task in tasks),
+            poses=torch.from_numpy(poses).float()[:, None],
+            goals=torch.from_numpy(goals).float(),
+            distance=np.linalg.norm(goals - poses[:, :2], axis=1),
+            clearance=np.array([task.clearance for task in tasks]),
+            shortest=np.array([task.shortest for task in tasks]),
+            bound=np.array([task.bound for task in tasks]),
+        )
 
-@dataclass(frozen=True)
-class _Journey:
-    world: World
-    pose: Array
-    goal: Array
-    clearance: float
 
-
-def draw_journeys(robot: RobotSpec, trial: Trial, *, progress: Progress = lambda _: None) -> Journeys:
-    """Draw the journeys of a trial; the same whatever skill drives them and in whatever simulator.
+def draw_navigation_tasks(
+    robot: RobotSpec, trial: Trial, *, progress: Progress = lambda _: None
+) -> NavigationTasks:
+    """Draw the navigation tasks of a trial; they are the same for all skills and simulators.
 
     The first episodes of a longer trial are those of a shorter one.
 
     Args:
         robot: whose footprint, height and drive limits count.
-        trial: which journeys.
-        progress: called with the number of journeys drawn so far.
+        trial: which tasks.
+        progress: called with the number of tasks drawn so far.
 
     Raises:
         HppError: if the world is unknown or has no goal at the distance asked for.
     """
     factory = resolve_world(trial.world)
     counts = np.zeros((len(DISTANCES) - 1, len(CLEARANCES) - 1), np.int64)
-    drawn: list[_Journey] = []
-    spaces: list[FreeSpace] = []
-    ways: list[Ways] = []
+    drawn: list[NavigationTask] = []
     for index in range(trial.episodes):
         # the worlds of a pool of the same seed
         rng = numpy_rng(trial.seed, "pool", trial.world, index)
@@ -109,18 +133,40 @@ def draw_journeys(robot: RobotSpec, trial: Trial, *, progress: Progress = lambda
                 f"with a clearance of {trial.clearance:g} m. Ask for nearer goals or less clearance."
             )
         drawn.append(found)
-        spaces.append(_space(found.world, robot))
-        if len(spaces) == CHUNK or len(drawn) == trial.episodes:
-            ways.append(_ways(drawn[-len(spaces) :], spaces, robot))
-            spaces.clear()
         progress(len(drawn))
-    return _journeys(drawn, ways, robot)
+    return NavigationTasks.of(drawn)
+
+
+def navigation_task(
+    world: World, robot: RobotSpec, pose: Float[np.ndarray, "3"], goal: Float[np.ndarray, "2"]
+) -> NavigationTask:
+    """Return the task of driving from a pose to a goal, with its clearance, path length and least time.
+
+    The bound is the time of the shortest path to the disc around the goal under a trapezoidal speed profile,
+    from rest to the speed that counts as rest, and of the dwell at the goal.
+
+    Args:
+        world: where.
+        robot: whose footprint, height and drive limits count.
+        pose: start, at rest.
+        goal: in metres.
+    """
+    start = pose[:2]
+    shortest, least = path_lengths(
+        _space(world, robot), robot.footprint_radius, start, goal, ARRIVAL.goal_radius
+    )
+    seconds = least_time(least, robot.drive, ARRIVAL.rest_speed)
+    return NavigationTask(
+        world, pose, goal,
+        clearance=float(clearances(world, robot, start[None], goal[None])[0, 0]),
+        shortest=shortest, bound=float(in_periods(seconds, ARRIVAL.dwell)),
+    )  # fmt: skip
 
 
 def bin_of(
     distance: npt.NDArray[np.floating], clearance: npt.NDArray[np.floating]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return the distance bin and the clearance bin of journeys; -1 outside the map. Same shapes as given."""
+    """Return the distance bin and the clearance bin of tasks; -1 outside the map. Same shapes as given."""
     columns = np.searchsorted(DISTANCES, distance, side="right") - 1
     rows = np.searchsorted(CLEARANCES, clearance, side="right") - 1
     return np.where(columns < len(DISTANCES) - 1, columns, -1), rows
@@ -129,7 +175,7 @@ def bin_of(
 def clearances(
     world: World, robot: RobotSpec, starts: Float[np.ndarray, "m 2"], goals: Float[np.ndarray, "n 2"]
 ) -> Float[np.ndarray, "m n"]:
-    """Return the clearance of the journeys from every start to every goal, as in :class:`Journeys`.
+    """Return the clearance of the tasks from every start to every goal, as in :class:`NavigationTask`.
 
     Args:
         world: with the points in it.
@@ -139,7 +185,7 @@ def clearances(
     """
     result = np.zeros((len(starts), len(goals)))
     low, high = 0, len(LADDER)
-    # one journey is settled by halving, many by trying every gap
+    # one task is settled by halving, many by trying every gap
     while low < high:
         level = (low + high) // 2 if result.size == 1 else low
         joined = _joined(world, robot, LADDER[level], starts, goals)
@@ -166,7 +212,7 @@ def _regions(world: World, robot: RobotSpec, gap: float) -> npt.NDArray[np.int32
 
 def _draw(
     world: World, robot: RobotSpec, trial: Trial, counts: npt.NDArray[np.int64], rng: np.random.Generator
-) -> _Journey | None:
+) -> NavigationTask | None:
     """Draw a start and a goal in a world and count their bin, or return None if it has no such pair."""
     space = _space(world, robot)
     even = trial.draw == "even"
@@ -185,8 +231,8 @@ def _draw(
     # the start is the first point that has any such goal, the goal a random one of those
     start = int(suitable.any(1).argmax())
     goal = int(rng.choice(np.flatnonzero(suitable[start])))
-    clearance = float(clearances(world, robot, points[[start]], points[[goal]])[0, 0])
-    return _Journey(world, np.append(points[start], rng.uniform(-np.pi, np.pi)), points[goal], clearance)
+    pose = np.append(points[start], rng.uniform(-np.pi, np.pi))
+    return navigation_task(world, robot, pose, points[goal])
 
 
 def _least_filled(
@@ -195,37 +241,12 @@ def _least_filled(
     counts: npt.NDArray[np.int64],
     rng: np.random.Generator,
 ) -> npt.NDArray[np.bool_]:
-    """Return the pairs of the bin that has fewest journeys among those on offer, and count one more there."""
+    """Return the pairs of the bin that has fewest tasks among those on offer, and count one more there."""
     offered = np.unique(bins[:, suitable & (bins >= 0).all(0)], axis=1)
     if not offered.size:
         return suitable
-    # fractions of a journey settle ties
+    # fractions of a task settle ties
     fewest = int(np.argmin(counts[tuple(offered)] + rng.random(offered.shape[1])))
     column, row = offered[:, fewest]
     counts[column, row] += 1
     return (bins[0] == column) & (bins[1] == row)
-
-
-def _ways(journeys: list[_Journey], spaces: list[FreeSpace], robot: RobotSpec) -> Ways:
-    return journey_ways(
-        spaces,
-        robot.footprint_radius,
-        np.stack([journey.pose[:2] for journey in journeys]),
-        np.stack([journey.goal for journey in journeys]),
-        goal_radius=ARRIVAL.goal_radius,
-    )
-
-
-def _journeys(drawn: list[_Journey], parts: list[Ways], robot: RobotSpec) -> Journeys:
-    poses = np.stack([journey.pose for journey in drawn])
-    goals = np.stack([journey.goal for journey in drawn])
-    ways = Ways.concatenate(parts)
-    return Journeys(
-        worlds=tuple(journey.world for journey in drawn),
-        poses=torch.from_numpy(poses).float()[:, None],
-        goals=torch.from_numpy(goals).float(),
-        distance=ways.straight,
-        clearance=np.array([journey.clearance for journey in drawn]),
-        shortest=ways.shortest,
-        bound=time_bounds(ways, poses, goals, robot.drive, ARRIVAL),
-    )

@@ -1,4 +1,4 @@
-"""The least time to a rendezvous: nobody beats it, and it is not far from what can be done."""
+"""The least time of a task: no team beats it, and it is not far from achievable times."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Displaced, Gathering, Visit
-from hpp_framework.core.robot import DriveLimits
+from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Gathering
 from hpp_framework.core.task import Task
 from hpp_framework.core.world import Box, World
-from hpp_framework.evaluation.gathering import first_met
-from hpp_framework.evaluation.reach import Reach
+from hpp_framework.evaluation.path_bounds import least_lengths, least_time
 from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.task_bounds import task_bounds
 from hpp_framework.plugins.build import parse_team
@@ -22,6 +20,7 @@ from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.generators.training import training
 from hpp_framework.worlds.loader import resolve_world
+from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.spawn import spawn_poses
 
 PERIOD = 0.2
@@ -54,32 +53,6 @@ def test_facing_each_other_in_the_open_it_is_the_least_time_of_a_straight_drive(
     assert least - PERIOD <= found + 1e-6 <= least + 2e-6
 
 
-@pytest.mark.parametrize("first", [3, 4, 7, 10, 11])
-def test_halving_finds_the_first_step(first):
-    """From 3 to 10; 11 stands for never."""
-    assert first_met(lambda step: step >= first, 3, 10) == first
-
-
-def test_least_times_to_come_nearer_are_those_of_the_whole_table():
-    """Looked up by halving, and with pushes from the first touch on, as when every substep is compared."""
-    drive = DriveLimits(speed=(0.0, 1.0), turn_rate=1.0, acceleration=0.4, turn_acceleration=1.0)
-    reach = Reach(drive)
-    deviations = np.linspace(0, math.pi, 40).repeat(3)
-    distances = np.tile([-0.1, 0.7, 5.0], 40)
-    found = reach.approaching(distances, deviations, math.inf, 30)
-    assert (found[distances < 0] == 0).all()
-    assert (np.diff(found.reshape(40, 3), axis=0) >= 0).all()
-    pushed = reach.approaching(distances, deviations, 0.0, 30)
-    assert (pushed == reach.driving(distances, 30)).all()
-
-
-def test_turning_first_takes_longer(team, task):
-    ahead = bound(team, task, room(), [[-2.5, 0, 0], [2.5, 0, math.pi]])
-    beside = bound(team, task, room(), [[-2.5, 0, math.pi / 2], [2.5, 0, math.pi / 2]])
-    behind = bound(team, task, room(), [[-2.5, 0, math.pi], [2.5, 0, 0]])
-    assert ahead <= beside < behind
-
-
 def test_a_long_thick_wall_takes_longer_than_none(team, task):
     poses = [[-2.5, 0, 0], [2.5, 0, math.pi]]
     free = bound(team, task, room(), poses)
@@ -89,12 +62,14 @@ def test_a_long_thick_wall_takes_longer_than_none(team, task):
     assert free <= thin < thick
 
 
-def test_a_wall_may_be_just_too_thick_to_meet_across(team, task):
-    """The grid of ways is too coarse to tell, so where robots can stand is looked at more closely."""
+def test_robots_that_are_near_across_a_wall_need_not_drive_around_it(team, task):
+    """The place they are near to may lie inside the wall."""
     poses = [[-2.5, 0, 0], [2.5, 0, math.pi]]
     most = 2 * task.radius - sum(robot.footprint_radius for robot in team.robots)
     across = bound(team, task, room(Box(center=(0, 0), size=(most - 0.01, 5))), poses)
-    around = bound(team, task, room(Box(center=(0, 0), size=(most + 0.09, 5))), poses)
+    around = bound(team, task, room(Box(center=(0, 0), size=(most + 0.5, 5))), poses)
+    least = least_time(2.5 - most / 2 - team.robots[0].footprint_radius, team.robots[0].drive)
+    assert across <= math.ceil(least / PERIOD) * PERIOD + 4 * PERIOD + 1e-6
     assert across < around - 1
 
 
@@ -115,59 +90,48 @@ def test_a_task_without_a_radius_has_no_bound(team):
     assert np.isnan(found).all()
 
 
-def test_distances_change_no_faster_than_robots_drive(team):
-    class Row(Task):
-        def __init__(self, wanted):
-            self.wanted = wanted
+class Wanted(Task):
+    """Requires something and is nothing else."""
 
-        def requirement(self):
-            return self.wanted
+    def __init__(self, wanted):
+        self.wanted = wanted
 
-        def reward(self, poses):
-            raise AssertionError
+    def requirement(self):
+        return self.wanted
 
-        met = done = reward
+    def reward(self, poses):
+        raise AssertionError
 
+    met = done = reward
+
+
+def test_distances_grow_no_faster_than_both_robots_drive(team):
     poses = [[0, 0, 0], [5, 0, 0]]
-    # both together cover 2 m in as many steps as each covers 1 m
-    expected = next(step for step in range(99) if Reach(team.robots[0].drive).distance(step) >= 1.0 - 1e-9)
+    # both together cover 2 m while each covers 1 m: sqrt(2 / 0.4) s
+    expected = math.ceil(math.sqrt(2 / 0.4) / PERIOD) * PERIOD + 4 * PERIOD
     for wanted in (
-        Apart(0, 1, least=7.0), Apart(0, 1, most=3.0), Displaced(0, 1, (-7.5, 0.0), 0.5),
-        AnyOf((Apart(0, 1, least=30.0), Apart(0, 1, least=7.0))), AllOf((Apart(0, 1, 7.0), Apart(0, 1, 6.0))),
+        Apart(0, 1, least=7.0), AnyOf((Apart(0, 1, least=30.0), Apart(0, 1, least=7.0))),
+        AllOf((Apart(0, 1, 7.0), Apart(0, 1, 6.0))),
     ):  # fmt: skip
-        assert bound(team, Row(wanted), room(), poses) == pytest.approx((expected + 4) * PERIOD)
-    assert math.isinf(bound(team, Row(AnyOf(())), room(), poses))
+        assert bound(team, Wanted(wanted), room(), poses) == pytest.approx(expected)
+    assert bound(team, Wanted(Apart(0, 1, least=4.0)), room(), poses) == pytest.approx(5 * PERIOD)
+    assert math.isinf(bound(team, Wanted(AnyOf(())), room(), poses))
 
 
-def test_a_visit_takes_turning_and_the_way_around(team):
-    class Door(Task):
-        def requirement(self):
-            return Visit(0, (3.0, 0.0), 0.5)
-
-        def reward(self, poses):
-            raise AssertionError
-
-        met = done = reward
-
-    ahead = bound(team, Door(), room(), [[0, 0, 0], [-3, 0, 0]])
-    assert ahead < bound(team, Door(), room(), [[0, 0, math.pi], [-3, 0, 0]])
+def test_a_given_place_is_reached_around_obstacles(team):
+    there = Wanted(Gathering(0.5, (0,), (3.0, 0.0)))
+    ahead = bound(team, there, room(), [[0, 0, 0], [-3, 0, 0]])
+    least = math.ceil(least_time(2.5, team.robots[0].drive) / PERIOD) * PERIOD + 4 * PERIOD
+    assert least - PERIOD <= ahead + 1e-6 <= least + 2e-6
     wall = room(Box(center=(1.5, 0), size=(0.4, 5)))
-    assert ahead + 1 < bound(team, Door(), wall, [[0, 0, 0], [-3, 0, 0]])
+    assert ahead + 1 < bound(team, there, wall, [[0, 0, 0], [-3, 0, 0]])
 
 
 def test_only_those_who_meet_count(team):
-    class Pair(Task):
-        def requirement(self):
-            return Gathering(0.5, (0, 1))
-
-        def reward(self, poses):
-            raise AssertionError
-
-        met = done = reward
-
+    pair = Wanted(Gathering(0.5, (0, 1)))
     trio = parse_team("fetch,freight,fetch")
     poses = [[-2, 0, 0], [2, 0, math.pi]]
-    assert bound(trio, Pair(), room(), [*poses, [3, 3, 0]]) == bound(team, Pair(), room(), poses)
+    assert bound(trio, pair, room(), [*poses, [3, 3, 0]]) == bound(team, pair, room(), poses)
 
 
 def test_who_has_met_already_needs_to_stay(team, task):
@@ -222,13 +186,25 @@ def test_the_bound_is_of_use(team, task):
     assert np.median(times / bounds) < 2
 
 
-def test_a_robot_that_backs_up_need_not_turn():
-    limits = {"turn_rate": 3.0, "acceleration": 0.4, "turn_acceleration": 1.5}
-    forward = Reach(DriveLimits(speed=(0.0, 1.0), **limits))
-    both = Reach(DriveLimits(speed=(-1.0, 1.0), **limits))
-    distance, behind = np.array([1.0]), np.array([math.pi])
-    straight = forward.driving(distance, 50)
-    assert both.approaching(distance, behind, 9.0, 50) == straight
-    assert forward.approaching(distance, behind, 9.0, 50) > straight
-    # pushed at once, it may slide
-    assert forward.approaching(distance, behind, 0.0, 50) == straight
+def test_teams_farther_apart_than_what_is_looked_at_first_have_the_same_kind_of_bound(team):
+    """Across 36 m each drives 18 m, and the slower robot's share does not hide the faster one's."""
+    hall = World(name="hall", bounds=(-20, -4, 20, 4))
+    found = bound(team, Wanted(Gathering(0.5)), hall, [[-18, 0, 0], [18, 0, 0]])
+    least = math.ceil(least_time(17.5, team.robots[0].drive) / PERIOD) * PERIOD + 4 * PERIOD
+    assert least - 2 * PERIOD <= found + 1e-6 <= least + 2e-6
+
+
+@pytest.mark.parametrize("degrees", [0, 7, 22.5, 31, 45])
+@pytest.mark.parametrize("spare", [0.0005, 0.02, 0.08])
+def test_no_length_on_the_grid_is_longer_than_that_of_a_corridor(degrees, spare):
+    """The grid is coarsest where a corridor just fits and runs across it."""
+    radius, angle, middle = 0.2877, math.radians(degrees), np.array([0.013, 0.021])
+    along, across = (np.array([math.cos(a), math.sin(a)]) for a in (angle, angle + math.pi / 2))
+    sides = [tuple((middle + sign * (radius + spare + 1) * across).tolist()) for sign in (1, -1)]
+    boxes = tuple(Box(center=side, size=(9.0, 2.0), yaw=angle) for side in sides)
+    world = World(name="corridor", bounds=(-6, -6, 6, 6), boxes=boxes)
+    space = free_space(world, body_height=1.0)
+    lengths = least_lengths(space, radius, middle - 4 * along)
+    for true in np.linspace(0.5, 8, 16):
+        column, row = ((middle + (true - 4) * along - np.array(space.origin)) / space.resolution).astype(int)
+        assert true - 0.15 - 0.03 * true < lengths[row, column] <= true
