@@ -27,6 +27,7 @@ class Member:
         robot: its data.
         skill: registered name of its skill.
         planner: registered meta-planner, with settings of its own or without; None for that of everybody.
+        control: its control layers, e.g. ``"rotate-to-path,safety-filter"``; None for the experiment's.
         believes: what this robot wrongly takes others for, by id; it predicts them with the models of those.
             Of itself it may be wrong about its skill.
         weights: folder of the predictor weights by which it predicts a robot, by that robot's id (its own is
@@ -41,6 +42,7 @@ class Member:
     robot: RobotSpec
     skill: str
     planner: str | None = None
+    control: str | None = None
     believes: Mapping[str, Member] = _mapping()
     weights: Mapping[str, Path] = _mapping()
     noise: Mapping[str, Any] = _mapping()

@@ -35,7 +35,7 @@ MISTAKES = [
     ("run --skill p2", ["no skill", "'p2p'"]),
     ("run --backend gazebo", ["gazebo", "sapien"]),
     ("run --seed one", ["one"]),
-    ("run --noise.pose -1", ["position_std", "0 or more"]),
+    ("run --noise.pose -1", ["position_std", "at least 0"]),
     ("run --noise.dropout 1.5", ["dropout"]),
     (f"run --team {','.join(['fetch'] * 30)} --world {{tiny}}", ["no room for 30 robots"]),
     ("evaluate --worlds simple,simple", ["'simple' twice"]),
