@@ -46,7 +46,7 @@ MISTAKES = [
     ("evaluate --episodes 0 --planners centralized-mp", ["episodes must be at least 1"]),
     ("evaluate --worlds {bad}", ["bad.yaml", "boxs", "boxes"]),
     ("list robot", ["'robots'"]),
-    ("collect --team fetch --trajectories 0", ["trajectories must be at least 1"]),
+    ("collect --team fetch --trajectories 0", ["'trajectories' must be at least 1"]),
     ("collect --team fetch --world trainin", ["'training'"]),
     ("train skill p3p --robot fetch", ["'p2p'"]),
     ("train skill p2p --robot fletch", ["'fetch'"]),
