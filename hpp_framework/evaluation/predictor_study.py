@@ -74,7 +74,9 @@ class PredictorStudy:
     skill: str = "p2p"
     worlds: tuple[str, ...] = ("training",)
     trajectories: Several = 200
-    seconds: Annotated[float, Field(strict=True, ge=0.2, le=60)] = 12.0
+    seconds: Annotated[
+        float, Field(strict=True, ge=0.2, le=60, allow_inf_nan=False, description="It is from 0.2 to 60 s.")
+    ] = 12.0
     weights: tuple[str, ...] = ()
     noise: NoiseModel = NoiseModel()
     seed: int = 0
