@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from inspect import Parameter, signature
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-import yaml
-
-from hpp_framework.utils.errors import ConfigError, suggest
+from hpp_framework.config.yaml_files import parse_yaml
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import show, unknown
 
 Config = TypeVar("Config")
 Built = TypeVar("Built")
@@ -24,7 +26,7 @@ def parse_settings(pairs: Sequence[str], option: str) -> dict[str, Any]:
     """Read ``name=value`` pairs; values are numbers, true, false or text, as YAML has them.
 
     Raises:
-        ConfigError: if a pair has no name or no ``=``, or a name comes twice.
+        ConfigError: if a pair has no name or no ``=``, a name comes twice, or a value is malformed.
     """
     settings: dict[str, Any] = {}
     for pair in pairs:
@@ -33,16 +35,16 @@ def parse_settings(pairs: Sequence[str], option: str) -> dict[str, Any]:
             raise ConfigError(f"{option} takes NAME=VALUE, e.g. reward.touch=-0.4; got '{pair}'.")
         if name in settings:
             raise ConfigError(f"{option} gives '{name}' twice.")
-        settings[name] = _value(value)
+        settings[name] = _value(value, f"{option}, setting '{name}'")
     return settings
 
 
-def _value(text: str) -> Any:
+def _value(text: str, where: str) -> Any:
     # YAML takes 1e-4 for text
-    for kind in (int, float):
+    if re.fullmatch(r"[-+]?[0-9.]+e[-+]?[0-9]+", text, re.IGNORECASE):
         with suppress(ValueError):
-            return kind(text)
-    return yaml.safe_load(text)
+            return float(text)
+    return parse_yaml(text, where)
 
 
 def altered(config: Config, settings: Mapping[str, Any], owner: str) -> Config:
@@ -77,11 +79,8 @@ def setting(config: Any, name: str) -> Any:
 def _altered(config: Any, name: str, path: list[str], value: Any, owner: str) -> Any:
     known = {each.name: each for each in fields(config)}
     if path[0] not in known:
-        hint = suggest(path[0], known).strip()
-        raise ConfigError(
-            f"'{name}' is no setting of {owner}: {path[0]!r} is unknown. {hint} "
-            f"Known here: {', '.join(known)}."
-        )
+        remedy = unknown(path[0], list(known))
+        raise ConfigError(f"'{name}' is no setting of {owner}: {path[0]!r} is unknown. {remedy}")
     old = getattr(config, path[0])
     if is_dataclass(old) and len(path) > 1:
         return replace(config, **{path[0]: _altered(old, name, path[1:], value, owner)})
@@ -96,9 +95,18 @@ def _like(old: Any, value: Any, name: str, owner: str, *, may_be_none: bool) -> 
     """Return a value that may replace another one, an int as a float where that is one."""
     if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
-    if type(value) is not type(old) and not (may_be_none and None in (value, old)):
-        raise ConfigError(f"'{name}' of {owner} must be {_kind(old)}, got {value!r}.")
+    if type(value) is not type(old) and not (may_be_none and (value is None or old is None)):
+        raise ConfigError(f"'{name}' of {owner} must be {_kind(old)}, got {show(value)}.")
+    if not _finite(value):
+        raise ConfigError(f"'{name}' of {owner} must be finite, got {show(value)}.")
     return value
+
+
+def _finite(value: Any) -> bool:
+    """Return whether all numbers in a value are finite."""
+    if isinstance(value, list | tuple):
+        return all(map(_finite, cast("Sequence[Any]", value)))
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 def _kind(example: Any) -> str:
@@ -137,8 +145,7 @@ def call_with(
     known = {each.name: each for each in others if each.name not in told and each.kind in BY_NAME}
     for name in settings:
         if name not in known:
-            hint = suggest(name, known).strip()
-            listing = f"{hint} Known here: {', '.join(known)}.".strip() if known else "It has none."
+            listing = unknown(name, list(known)) if known else "It has none."
             raise ConfigError(f"'{name}' is no setting of {owner}. {listing}")
     required = [name for name, each in known.items() if each.default is Parameter.empty]
     missing = [name for name in required if name not in settings]
@@ -148,7 +155,6 @@ def call_with(
     for name, value in settings.items():
         values[name] = tuple(value) if isinstance(value, list) else value
         old, may_be_none = _example(known[name]), "None" in str(known[name].annotation)
-        if old is not None:
-            values[name] = _like(old, values[name], name, owner, may_be_none=may_be_none)
+        values[name] = _like(old, values[name], name, owner, may_be_none=may_be_none or old is None)
     passed = {each.name: told[each.name] for each in others if each.name in told}
     return factory(next(iter(told.values())), **passed, **values)

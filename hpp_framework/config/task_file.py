@@ -8,23 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, cast
 
 import torch
+from pydantic import ConfigDict, model_validator
 
-from hpp_framework.config.fields import Source, read_yaml
 from hpp_framework.config.settings import call_with, parse_settings
+from hpp_framework.config.yaml_files import FileModel, checked, is_yaml, read_yaml
 from hpp_framework.core.composition import ComposedTask, Limit, Rules, Weighed
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task
 from hpp_framework.core.term import Term
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.utils.validation import LISTED, Count, Flag, NonNegative, Positive, Text, filled, mistake
 
-SUFFIXES = (".yaml", ".yml")
-
-_TASK = ("reward", "success", "sustain_steps", "rest_speed", "halts")
-_LEAST = "reward: [{term: spread}]"
+is_task_file = is_yaml
 
 
 def make_task(text: str, robots: Sequence[RobotSpec], ids: Sequence[str] = ()) -> Task:
@@ -75,68 +74,72 @@ def _check_shapes(name: str, task: Task, robots: int) -> None:
             )
 
 
-def is_task_file(text: str) -> bool:
-    """Return whether a task is named by its file."""
-    return text.strip().lower().endswith(SUFFIXES)
-
-
 def task_name(text: str) -> str:
     """Return what a task is called for short: its registered name, or its file without folder and suffix."""
     return Path(text.strip()).stem if is_task_file(text) else text.partition(":")[0]
 
 
-def _read(file: Path, told: Mapping[str, Any]) -> ComposedTask:
-    source = Source(file)
-    content = source.mapping(
-        "", read_yaml(file, kind="task", least=_LEAST), _TASK, required=("reward", "success")
-    )
-    rewards = [
-        Weighed(term, weight) for term, weight in _terms(source, content, "reward", told, "weight", 1.0)
-    ]
-    success = [Limit(term, most) for term, most in _terms(source, content, "success", told, "at_most", 0.0)]
-    return ComposedTask(rewards, success, _rules(source, content))
+class Part(FileModel):
+    """A term, by name, with its settings beside it.
 
-
-def _rules(source: Source, content: Mapping[str, Any]) -> Rules:
-    rules = Rules()
-    steps = source.number("sustain_steps", content.get("sustain_steps", rules.sustain_steps), low=1)
-    if steps != int(steps):
-        raise source.error("sustain_steps", f"must be a whole number, got {steps:g}", "Control steps: 5.")
-    speed = content.get("rest_speed", rules.rest_speed)
-    return Rules(
-        sustain_steps=int(steps),
-        rest_speed=None if speed is None else source.number("rest_speed", speed, positive=True),
-        halts=source.flag("halts", content.get("halts", rules.halts)),
-    )
-
-
-def _terms(
-    source: Source, content: Mapping[str, Any], part: str, told: Mapping[str, Any], own: str, default: float
-) -> list[tuple[Term, float]]:
-    """Return the terms of one part of the file, each with the number that the part adds to it.
-
-    Args:
-        source: the file.
-        content: what it holds.
-        part: ``"reward"`` or ``"success"``.
-        told: what every term is told.
-        own: name of the number.
-        default: its value where it is left out.
+    Attributes:
+        term: registered name.
     """
-    entries = source.items(part, content[part])
-    if not entries:
-        raise source.error(part, "is empty", f"List at least one term: '- {{term: spread, {own}: 1.0}}'.")
-    found: list[tuple[Term, float]] = []
-    for i, entry in enumerate(entries):
-        key = f"{part}[{i}]"
-        if not isinstance(entry, dict) or "term" not in entry:
-            raise source.error(key, "names no term", f"Write '- {{term: spread, {own}: 1.0}}'.")
-        settings: dict[str, Any] = {str(name): value for name, value in entry.items()}
-        name = source.text(f"{key}.term", settings.pop("term"))
-        number = source.number(f"{key}.{own}", settings.pop(own, default), low=0)
-        try:
-            factory = hub().terms.entry(name).factory()
-            found.append((call_with(factory, told, settings, f"term '{name}'"), number))
-        except HppError as error:
-            raise ConfigError(f"{source.file}: '{key}': {error}") from error
-    return found
+
+    model_config = ConfigDict(extra="allow")
+    term: Text
+
+    @model_validator(mode="before")
+    @classmethod
+    def _names_a_term(cls, value: Any) -> Any:
+        if not isinstance(value, dict) or "term" not in value:
+            raise mistake("names no term", f"Write '- {{term: spread, {list(cls.model_fields)[-1]}: 1.0}}'.")
+        return cast("Any", value)
+
+
+class RewardPart(Part):
+    """A term of the reward; see :class:`Weighed`."""
+
+    weight: NonNegative = 1.0
+
+
+class SuccessPart(Part):
+    """A condition of success; see :class:`Limit`."""
+
+    at_most: NonNegative = 0.0
+
+
+class TaskFile(FileModel):
+    """A task file: its terms, and when it is fulfilled as :class:`Rules` say."""
+
+    reward: Annotated[
+        tuple[RewardPart, ...], LISTED, filled("List at least one term: '- {term: spread, weight: 1.0}'.")
+    ]
+    success: Annotated[
+        tuple[SuccessPart, ...], LISTED, filled("List at least one term: '- {term: spread, at_most: 1.0}'.")
+    ]
+    sustain_steps: Count = Rules().sustain_steps
+    rest_speed: Positive | None = Rules().rest_speed
+    halts: Flag = Rules().halts
+
+
+def _read(file: Path, told: Mapping[str, Any]) -> ComposedTask:
+    found = checked(TaskFile, read_yaml(file, kind="task", least="reward: [{term: spread}]"), file)
+    rules = Rules(sustain_steps=found.sustain_steps, rest_speed=found.rest_speed, halts=found.halts)
+    rewards = [
+        Weighed(_term(part, told, f"{file}: 'reward[{i}]'"), part.weight)
+        for i, part in enumerate(found.reward)
+    ]
+    success = [
+        Limit(_term(part, told, f"{file}: 'success[{i}]'"), part.at_most)
+        for i, part in enumerate(found.success)
+    ]
+    return ComposedTask(rewards, success, rules)
+
+
+def _term(part: Part, told: Mapping[str, Any], where: str) -> Term:
+    try:
+        factory = hub().terms.entry(part.term).factory()
+        return call_with(factory, told, part.model_extra or {}, f"term '{part.term}'")
+    except HppError as error:
+        raise ConfigError(f"{where}: {error}") from error

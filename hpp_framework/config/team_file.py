@@ -7,31 +7,116 @@ team, is plain data: run folders record it, and it is read like a file again.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, cast
 
-from hpp_framework.config.fields import Source, read_yaml
+from pydantic import AfterValidator, Field, model_validator
+
+from hpp_framework.config.yaml_files import FileModel, checked, is_yaml, read_yaml
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.team import Member, Team
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import Registry, hub
-from hpp_framework.utils.errors import ConfigError, suggest
+from hpp_framework.utils.validation import LISTED, NonNegative, Text, filled, mistake, unknown
 
-SUFFIXES = (".yaml", ".yml")
-
-_DEFAULTS = ("skill", "planner", "noise")
-"""Keys of the whole team that hold for members that say nothing else."""
-_TEAM = (*_DEFAULTS, "members")
-_TIMES = ("joins_at", "leaves_at")
-_MEMBER = ("id", "robot", *_DEFAULTS, "believes", "weights", *_TIMES)
-_BELIEVED = ("robot", "skill")
-_NOISE = tuple(each.name for each in fields(NoiseModel))
+is_team_file = is_yaml
 
 
-def is_team_file(text: str) -> bool:
-    """Return whether a team is named by its file."""
-    return text.strip().lower().endswith(SUFFIXES)
+def _registered(noun: str) -> AfterValidator:
+    """Return a check that something is registered under a name, settings behind a colon left aside."""
+
+    def check(text: str) -> str:
+        registry: Registry[Any] = getattr(hub(), noun)
+        name = text.partition(":")[0]
+        if name not in registry:
+            known = sorted(entry.name for entry in registry)
+            raise mistake(f"names no {registry.kind} that there is: '{name}'", unknown(name, known))
+        return text
+
+    return AfterValidator(check)
+
+
+def _folder(text: str, info: Any) -> str:  # a ValidationInfo, which beartype cannot check
+    folder = (info.context / text).resolve()
+    if not folder.is_dir():
+        raise mistake(f"'{folder}' is not a folder", "Give the --out of 'hpp train predictor'.")
+    return str(folder)
+
+
+Robot = Annotated[Text, _registered("robots")]
+Skill = Annotated[Text, _registered("skills")]
+Planner = Annotated[Text, _registered("planners")]
+Folder = Annotated[Text, AfterValidator(_folder)]
+
+
+class Believed(FileModel):
+    """What another robot is taken for: ``fetch``, or a mapping of robot and skill."""
+
+    robot: Robot | None = None
+    skill: Skill | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_robot_alone(cls, value: Any) -> Any:
+        return {"robot": value} if isinstance(value, str) else value
+
+
+class Defaults(FileModel):
+    """What a team may say for members that say nothing else."""
+
+    skill: Skill | None = None
+    planner: Planner | None = None
+    control: Text | None = None
+    noise: NoiseModel = NoiseModel()
+
+
+class MemberEntry(Defaults):
+    """One robot of a team file."""
+
+    id: Text
+    robot: Robot
+    believes: dict[str, Believed] = Field(default_factory=dict)
+    weights: dict[str, Folder] = Field(default_factory=dict)
+    joins_at: NonNegative = 0.0
+    leaves_at: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _leaves_later(self) -> MemberEntry:
+        if self.leaves_at is not None and self.leaves_at <= self.joins_at:
+            raise mistake(
+                f"of {self.leaves_at:g} s is not after it joins, at {self.joins_at:g} s", "Make it later.",
+                key="leaves_at",
+            )  # fmt: skip
+        return self
+
+
+class TeamFile(Defaults):
+    """A team file."""
+
+    members: Annotated[
+        tuple[MemberEntry, ...], LISTED, filled("List at least one: '- {id: alice, robot: fetch}'.")
+    ]
+
+    @model_validator(mode="after")
+    def _ids_fit(self) -> TeamFile:
+        ids = [member.id for member in self.members]
+        for i, member in enumerate(self.members):
+            if member.id in ids[:i]:
+                raise mistake(
+                    f"'{member.id}' is taken", "Give every robot of the team its own id.", f"members[{i}].id"
+                )
+            for part, named in (("believes", member.believes), ("weights", member.weights)):
+                for name in named:
+                    if name not in ids:
+                        key = f"members[{i}].{part}.{name}"
+                        raise mistake("is not the id of a member", unknown(name, ids), key)
+            if member.id in member.believes and member.believes[member.id].robot is not None:
+                raise mistake(
+                    "is the robot itself, which knows its body",
+                    "Write '{skill: ...}' for the skill that it takes itself to have.",
+                    f"members[{i}].believes.{member.id}",
+                )
+        return self
 
 
 def resolve_team(text: str, *, skill: str = "p2p") -> Team:
@@ -69,20 +154,20 @@ def effective_team(content: object, file: Path) -> dict[str, Any]:
     Raises:
         ConfigError: if anything is wrong.
     """
-    source = Source(file)
-    team = source.mapping("", content, _TEAM, required=("members",))
-    defaults = {key: team[key] for key in _DEFAULTS if key in team}
-    noise = _noise(source, "noise", defaults.pop("noise", {}))
-    entries = source.items("members", team["members"])
-    if not entries:
-        raise source.error("members", "is empty", "List at least one: '- {id: alice, robot: fetch}'.")
-    ids = _ids(source, entries)
-    return {
-        "members": [
-            _member(source, f"members[{i}]", {**defaults, **entry}, ids, noise)
-            for i, entry in enumerate(entries)
-        ]
-    }
+    team = checked(TeamFile, content, file)
+    shared = _said(team, content)
+    members: list[dict[str, Any]] = []
+    for member, entry in zip(team.members, cast("Any", content)["members"], strict=True):
+        own = _said(member, entry)
+        noise = {**shared.get("noise", {}), **own.get("noise", {})}
+        members.append({**shared, **own, **({"noise": noise} if noise else {})})
+    return {"members": members}
+
+
+def _said(checked_entry: Defaults, entry: Any) -> dict[str, Any]:
+    """Return what a part of a team file says, without what it leaves out."""
+    said = checked_entry.model_dump(exclude_unset=True, exclude_none=True, exclude={"members", "noise"})
+    return {**said, **({"noise": entry["noise"]} if entry.get("noise") else {})}
 
 
 def build_team(content: Mapping[str, Any], *, skill: str) -> Team:
@@ -118,118 +203,9 @@ def _build_member(entry: Mapping[str, Any], plain: Mapping[str, Member], skill: 
         robot=plain[entry["id"]].robot,
         skill=entry.get("skill", skill),
         planner=entry.get("planner"),
+        control=entry.get("control"),
         believes=believes,
         weights=weights,
         noise=entry.get("noise", {}),
-        **{name: entry[name] for name in _TIMES if name in entry},
+        **{name: entry[name] for name in ("joins_at", "leaves_at") if name in entry},
     )
-
-
-def _ids(source: Source, entries: list[Any]) -> list[str]:
-    """Return the members' ids, all different."""
-    ids: list[str] = []
-    for i, entry in enumerate(entries):
-        key = f"members[{i}]"
-        found = source.mapping(key, entry, _MEMBER, required=("id", "robot"))
-        id_ = source.text(f"{key}.id", found["id"])
-        if id_ in ids:
-            raise source.error(f"{key}.id", f"'{id_}' is taken", "Give every robot of the team its own id.")
-        ids.append(id_)
-    return ids
-
-
-def _member(
-    source: Source, key: str, entry: dict[str, Any], ids: list[str], noise: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the checked entry of one member; what it leaves to the command is left out."""
-    found: dict[str, Any] = {
-        "id": source.text(f"{key}.id", entry["id"]),
-        "robot": _registered(source, f"{key}.robot", entry["robot"], hub().robots),
-    }
-    if "skill" in entry:
-        found["skill"] = _registered(source, f"{key}.skill", entry["skill"], hub().skills)
-    if "planner" in entry:
-        text = source.text(f"{key}.planner", entry["planner"])
-        _registered(source, f"{key}.planner", text.partition(":")[0], hub().planners)
-        found["planner"] = text
-    if "believes" in entry:
-        found["believes"] = {
-            id_: _believed(source, f"{key}.believes.{id_}", taken)
-            for id_, taken in _by_id(source, f"{key}.believes", entry["believes"], ids).items()
-        }
-        if "robot" in found["believes"].get(found["id"], {}):
-            raise source.error(
-                f"{key}.believes.{found['id']}",
-                "is the robot itself, which knows its body",
-                "Write '{skill: ...}' for the skill that it takes itself to have.",
-            )
-    if "weights" in entry:
-        found["weights"] = {
-            id_: _folder(source, f"{key}.weights.{id_}", folder)
-            for id_, folder in _by_id(source, f"{key}.weights", entry["weights"], ids).items()
-        }
-    if own := {**noise, **_noise(source, f"{key}.noise", entry.get("noise", {}))}:
-        found["noise"] = own
-    return {**found, **_times(source, key, entry)}
-
-
-def _noise(source: Source, key: str, value: object) -> dict[str, Any]:
-    """Return what a noise model is told, by name."""
-    found = source.mapping(key, value, _NOISE)
-    for name, each in found.items():
-        if name == "scan_std" and each is None:
-            continue
-        source.number(f"{key}.{name}", each, low=0)
-        if name == "delay" and not isinstance(each, int):
-            raise source.error(f"{key}.delay", f"counts control steps, got {each}", "Write a whole number.")
-    try:
-        NoiseModel(**found)
-    except ConfigError as error:
-        raise source.error(key, f"is wrong: {str(error).rstrip('.')}", "Mend the number.") from error
-    return found
-
-
-def _times(source: Source, key: str, entry: Mapping[str, Any]) -> dict[str, float]:
-    """Return when a member joins and leaves, in seconds; what is not said is left out."""
-    found = {name: source.number(f"{key}.{name}", entry[name], low=0) for name in _TIMES if name in entry}
-    leaves, joins = found.get("leaves_at"), found.get("joins_at", 0.0)
-    if leaves is not None and leaves <= joins:
-        raise source.error(
-            f"{key}.leaves_at", f"of {leaves:g} s is not after it joins, at {joins:g} s", "Make it later."
-        )
-    return found
-
-
-def _believed(source: Source, key: str, value: object) -> dict[str, str]:
-    """Return what another robot is taken for: ``fetch``, or a mapping of robot and skill."""
-    taken = source.mapping(key, {"robot": value} if isinstance(value, str) else value, _BELIEVED)
-    return {
-        name: _registered(source, f"{key}.{name}", each, getattr(hub(), f"{name}s"))
-        for name, each in taken.items()
-    }
-
-
-def _by_id(source: Source, key: str, value: object, ids: list[str]) -> dict[str, Any]:
-    """Return a mapping whose keys are ids of members."""
-    return source.mapping(key, value, ids)
-
-
-def _folder(source: Source, key: str, value: object) -> str:
-    folder = (source.file.parent / source.text(key, value)).resolve()
-    if not folder.is_dir():
-        raise source.error(key, f"'{folder}' is not a folder", "Give the --out of 'hpp train predictor'.")
-    return str(folder)
-
-
-def _registered(source: Source, key: str, value: object, registry: Registry[Any]) -> str:
-    """Return a name that something is registered under."""
-    name = source.text(key, value)
-    if name not in registry:
-        known = sorted(entry.name for entry in registry)
-        hint = suggest(name, known).strip()
-        raise source.error(
-            key,
-            f"names no {registry.kind} that there is: '{name}'",
-            f"{hint} Known: {', '.join(known)}.".strip(),
-        )
-    return name

@@ -5,11 +5,11 @@ A lidar at the front sees nothing at the robot's sides, where it brushes what it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor
 
 from hpp_framework.config.settings import altered
@@ -19,14 +19,17 @@ from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
 from hpp_framework.perception.sensing import BODY, KEYFRAMES
-from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.kernels import vectors, wp
+from hpp_framework.utils.validation import NonNegative, validated
 
 POINTS = 512
 """Points that are heeded, at most."""
 
+Remembered = Annotated[int, Field(strict=True, ge=0, le=KEYFRAMES)]
+"""A number of keyframes."""
 
-@dataclass(frozen=True, kw_only=True)
+
+@validated
 class SafetyFilterConfig:
     """How careful a safety filter is.
 
@@ -36,16 +39,9 @@ class SafetyFilterConfig:
         way_out: metres that must be free before a robot that stands before something drives off.
     """
 
-    margin: float = 0.025
-    memory: int = 6
-    way_out: float = 0.2
-
-    def __post_init__(self) -> None:
-        for name in ("margin", "way_out"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ConfigError(f"safety-filter: {name} must be 0 m or more, got {getattr(self, name)}.")
-        if not 0 <= self.memory <= KEYFRAMES:
-            raise ConfigError(f"safety-filter: memory must be 0 to {KEYFRAMES} keyframes, got {self.memory}.")
+    margin: NonNegative = 0.025
+    memory: Remembered = 6
+    way_out: NonNegative = 0.2
 
 
 class SafetyFilter(ControlLayer):

@@ -13,6 +13,7 @@ from hpp_framework.core.requirement import AllOf, Requirement
 from hpp_framework.core.task import Task, Terminal, relative_speed
 from hpp_framework.core.term import Term
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Count, Positive, validated
 
 REST_SPEED = 0.1
 """Largest relative speed at success, m/s, unless a task says otherwise; that of a rendezvous."""
@@ -44,7 +45,7 @@ class Limit:
     at_most: float = 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Rules:
     """When a composed task is fulfilled, motion included.
 
@@ -54,15 +55,9 @@ class Rules:
         halts: whether agents stop where the task is fulfilled.
     """
 
-    sustain_steps: int = 5
-    rest_speed: float | None = REST_SPEED
+    sustain_steps: Count = 5
+    rest_speed: Positive | None = REST_SPEED
     halts: bool = True
-
-    def __post_init__(self) -> None:
-        if self.sustain_steps < 1:
-            raise ConfigError(f"sustain_steps must be at least 1, got {self.sustain_steps}.")
-        if self.rest_speed is not None and not self.rest_speed > 0:
-            raise ConfigError(f"rest_speed must be positive, or null for any, got {self.rest_speed}.")
 
 
 class ComposedTask(Task):

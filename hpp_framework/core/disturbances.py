@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import NonNegative, Share, Whole, validated
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class NoiseModel:
     """Disturbances of what agents observe; all off by default.
 
@@ -23,18 +21,9 @@ class NoiseModel:
     robot moved before (:class:`Sensing`).
     """
 
-    position_std: float = 0.0
-    heading_std: float = 0.0
-    scan_std: float | None = 0.0
-    dropout: float = 0.0
-    delay: int = 0
-    pose_dropout: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("position_std", "heading_std", "scan_std", "dropout", "delay", "pose_dropout"):
-            value = getattr(self, name)
-            if value is not None and not 0 <= value < float("inf"):
-                raise ConfigError(f"noise: {name} must be 0 or more, got {value}.")
-        for name in ("dropout", "pose_dropout"):
-            if getattr(self, name) > 1:
-                raise ConfigError(f"noise: {name} is a share between 0 and 1, got {getattr(self, name)}.")
+    position_std: NonNegative = 0.0
+    heading_std: NonNegative = 0.0
+    scan_std: NonNegative | None = 0.0
+    dropout: Share = 0.0
+    delay: Whole = 0
+    pose_dropout: Share = 0.0

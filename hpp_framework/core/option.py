@@ -13,7 +13,6 @@ once::
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float
@@ -21,7 +20,7 @@ from torch import Tensor
 
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.types import Observation
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Count, validated
 
 Condition = Callable[[Observation, Tensor], Tensor]
 """Says of an observation and goals (b, 2) in world coordinates in which episodes (b,) something holds."""
@@ -45,7 +44,7 @@ def arrived(radius: float = 0.3) -> Condition:
     return holds
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Option:
     """A skill with an initiation set, a termination condition and a time budget.
 
@@ -61,11 +60,7 @@ class Option:
     skill: Skill
     starts: Condition = anywhere
     ends: Condition = arrived()
-    budget: int = BUDGET
-
-    def __post_init__(self) -> None:
-        if self.budget < 1:
-            raise ConfigError(f"option '{self.name}': budget must be at least 1 step, got {self.budget}.")
+    budget: Count = BUDGET
 
     def may_start(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
         """Return in which episodes it may be started for these goals."""

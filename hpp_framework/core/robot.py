@@ -8,42 +8,39 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import NonNegative, NonPositive, Number, Positive, Several, validated
 
 HOUSING = 0.15
 """Largest radius in metres of a mast or turret that carries a lidar and does not stand in its view."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class DriveLimits:
     """Unicycle limits: speeds and accelerations, SI units.
 
     Attributes:
-        speed: (lowest, highest) forward speed in m/s.
+        speed: (lowest, highest) forward speed in m/s; the lowest is 0 or less.
         turn_rate: highest absolute turn rate in rad/s.
         acceleration: highest absolute forward acceleration in m/s^2.
         turn_acceleration: highest absolute angular acceleration in rad/s^2.
     """
 
-    speed: tuple[float, float]
-    turn_rate: float
-    acceleration: float
-    turn_acceleration: float
-
-    def __post_init__(self) -> None:
-        low, high = self.speed
-        if not (math.isfinite(low) and math.isfinite(high) and low <= 0 < high):
-            raise ConfigError(f"speed must be (low, high) with low <= 0 < high, got {self.speed}.")
-        for name in ("turn_rate", "acceleration", "turn_acceleration"):
-            _require_positive(name, getattr(self, name))
+    speed: Annotated[
+        tuple[NonPositive, Positive], Field(description="It is (low, high) with low <= 0 < high.")
+    ]
+    turn_rate: Positive
+    acceleration: Positive
+    turn_acceleration: Positive
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Lidar:
     """A planar lidar.
 
@@ -57,22 +54,17 @@ class Lidar:
         noise_std: standard deviation of the range error in metres, used when noise is asked for.
     """
 
-    beams: int
-    field_of_view: float
+    beams: Several
+    field_of_view: Annotated[Positive, Field(le=2 * math.pi, description="It is in (0, 2*pi] radians.")]
     mount: tuple[float, float, float]
-    height: float
-    min_range: float
-    max_range: float
+    height: Positive
+    min_range: NonNegative
+    max_range: Number
     noise_std: float
 
     def __post_init__(self) -> None:
-        if self.beams < 2:
-            raise ConfigError(f"a lidar needs at least 2 beams, got {self.beams}.")
-        if not 0 < self.field_of_view <= 2 * math.pi:
-            raise ConfigError(f"field_of_view must lie in (0, 2*pi] radians, got {self.field_of_view}.")
         if not 0 <= self.min_range < self.max_range:
             raise ConfigError(f"need 0 <= min_range < max_range, got {self.min_range}, {self.max_range}.")
-        _require_positive("height", self.height)
 
     def angles(self) -> npt.NDArray[np.float64]:
         """Return beam angles (beams,) in the mount's frame, most clockwise first."""
@@ -106,7 +98,7 @@ def _no_parts() -> tuple[Part, ...]:
     return ()
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class RobotSpec:
     """A mobile robot.
 
@@ -125,16 +117,14 @@ class RobotSpec:
     name: str
     drive: DriveLimits
     lidar: Lidar
-    footprint_radius: float
-    profile_radius: float
-    height: float
-    mass: float
+    footprint_radius: Positive
+    profile_radius: Positive
+    height: Positive
+    mass: Positive
     body: Callable[[], tuple[Part, ...]] = _no_parts
     sources: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("footprint_radius", "profile_radius", "height", "mass"):
-            _require_positive(name, getattr(self, name))
         reach = math.hypot(*self.lidar.mount[:2])
         inside = reach <= self.profile_radius and self.lidar.field_of_view > math.pi
         if inside and self.profile_radius > HOUSING:
@@ -147,8 +137,3 @@ class RobotSpec:
     def build_body(self) -> tuple[Part, ...]:
         """Return the visible parts of the body."""
         return self.body()
-
-
-def _require_positive(name: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0):
-        raise ConfigError(f"{name} must be a positive number, got {value}.")

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import NonNegative, Number, Positive, validated
 
 WALL_THICKNESS = 0.1
 WALL_HEIGHT = 1.0
 
+Area = tuple[Number, Number, Number, Number]
+"""x_min, y_min, x_max, y_max in metres."""
 
-@dataclass(frozen=True, kw_only=True)
+
+@validated
 class Box:
     """An upright box.
 
@@ -29,15 +31,11 @@ class Box:
         base: height of its underside above the floor, in metres (a table top floats).
     """
 
-    center: tuple[float, float]
-    size: tuple[float, float]
-    yaw: float = 0.0
-    height: float = 1.0
-    base: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check_numbers("box", self, ("center", "size", "yaw", "height", "base"))
-        _check_positive("box", self, ("size", "height"))
+    center: tuple[Number, Number]
+    size: tuple[Positive, Positive]
+    yaw: Number = 0.0
+    height: Positive = 1.0
+    base: Number = 0.0
 
     def corners(self) -> npt.NDArray[np.float64]:
         """Return the corners (4, 2), counter-clockwise."""
@@ -53,7 +51,7 @@ def box_corners(boxes: Sequence[Box]) -> npt.NDArray[np.float64]:
     return np.stack([x + cos * along - sin * across, y + sin * along + cos * across], -1)
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Cylinder:
     """An upright cylinder.
 
@@ -64,17 +62,13 @@ class Cylinder:
         base: height of its underside above the floor, in metres.
     """
 
-    center: tuple[float, float]
-    radius: float
-    height: float = 1.0
-    base: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check_numbers("cylinder", self, ("center", "radius", "height", "base"))
-        _check_positive("cylinder", self, ("radius", "height"))
+    center: tuple[Number, Number]
+    radius: Positive
+    height: Positive = 1.0
+    base: Number = 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Mesh:
     """A triangle mesh from any file trimesh reads (z up, metres).
 
@@ -86,16 +80,12 @@ class Mesh:
     """
 
     file: Path
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    yaw: float = 0.0
-    scale: float = 1.0
-
-    def __post_init__(self) -> None:
-        _check_numbers("mesh", self, ("position", "yaw", "scale"))
-        _check_positive("mesh", self, ("scale",))
+    position: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    yaw: Number = 0.0
+    scale: Positive = 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class SpawnRule:
     """Where robots start.
 
@@ -112,25 +102,15 @@ class SpawnRule:
             above but ``clearance``.
     """
 
-    distance: float = 5.0
-    center: tuple[float, float, float, float] | None = None
-    axis: float | None = None
-    axis_spread: float = 0.0
-    clearance: float = 0.15
-    poses: tuple[tuple[float, float, float], ...] | None = None
+    distance: Positive = 5.0
+    center: Area | None = None
+    axis: Number | None = None
+    axis_spread: NonNegative = 0.0
+    clearance: NonNegative = 0.15
+    poses: tuple[tuple[Number, Number, Number], ...] | None = None
 
     def __post_init__(self) -> None:
-        _check_numbers("spawn", self, ("distance", "axis_spread", "clearance"))
-        _check_positive("spawn", self, ("distance",))
-        if self.axis is not None:
-            _check_numbers("spawn", self, ("axis",))
-        if self.clearance < 0 or self.axis_spread < 0:
-            raise ConfigError("spawn: clearance and axis_spread must be 0 or more.")
-        for pose in self.poses or ():
-            if len(pose) != 3 or not all(math.isfinite(number) for number in pose):
-                raise ConfigError(f"spawn: poses must be finite (x, y, heading), got {pose}.")
         if self.center is not None:
-            _check_numbers("spawn", self, ("center",))
             x_min, y_min, x_max, y_max = self.center
             if x_min > x_max or y_min > y_max:
                 raise ConfigError(
@@ -138,7 +118,7 @@ class SpawnRule:
                 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class World:
     """Obstacles in a bounded area.
 
@@ -152,7 +132,7 @@ class World:
     """
 
     name: str
-    bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0)
+    bounds: Area = (-10.0, -10.0, 10.0, 10.0)
     walled: bool = True
     boxes: tuple[Box, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
@@ -161,7 +141,6 @@ class World:
     file: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        _check_numbers("world", self, ("bounds",))
         x_min, y_min, x_max, y_max = self.bounds
         if x_max - x_min < 1.0 or y_max - y_min < 1.0:
             raise ConfigError(
@@ -189,20 +168,3 @@ class World:
             Box(center=(x_min - half, center_y), size=(WALL_THICKNESS, long_y), height=WALL_HEIGHT),
             Box(center=(x_max + half, center_y), size=(WALL_THICKNESS, long_y), height=WALL_HEIGHT),
         )
-
-
-def _numbers(value: object) -> tuple[Any, ...]:
-    return cast("tuple[Any, ...]", value) if isinstance(value, tuple) else (value,)
-
-
-def _check_numbers(what: str, owner: object, names: tuple[str, ...]) -> None:
-    for name in names:
-        for number in _numbers(getattr(owner, name)):
-            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-                raise ConfigError(f"{what}: {name} must be finite numbers, got {getattr(owner, name)!r}.")
-
-
-def _check_positive(what: str, owner: object, names: tuple[str, ...]) -> None:
-    for name in names:
-        if min(_numbers(getattr(owner, name))) <= 0:
-            raise ConfigError(f"{what}: {name} must be greater than 0, got {getattr(owner, name)!r}.")

@@ -10,7 +10,6 @@ The loop that drives one::
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from hpp_framework.plugins.build import parse_team
 from hpp_framework.sim import make_simulator
 from hpp_framework.utils.errors import ConfigError, SimulatorError
 from hpp_framework.utils.seeding import numpy_rng
+from hpp_framework.utils.validation import Count, validated
 from hpp_framework.viz.picture import Picture
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import free_space
@@ -39,7 +39,7 @@ from hpp_framework.worlds.spawn import spawn_poses
 FloatArray = npt.NDArray[np.floating]
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class EpisodeConfig:
     """What an episode is about, besides team and world.
 
@@ -53,11 +53,7 @@ class EpisodeConfig:
     task: str | Task = "rendezvous"
     noise: NoiseModel = NoiseModel()
     backend: str = "batch"
-    max_steps: int = 100
-
-    def __post_init__(self) -> None:
-        if self.max_steps < 1:
-            raise ConfigError(f"max_steps must be at least 1, got {self.max_steps}.")
+    max_steps: Count = 100
 
 
 class TeamEpisode:

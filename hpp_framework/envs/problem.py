@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from hpp_framework.core.disturbances import NoiseModel
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Share, validated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class PointToPoint:
     linger: float = 0.3
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Practice:
     """What is harder in training than in the plain problem, drawn anew with each world.
 
@@ -59,12 +59,7 @@ class Practice:
     noise: NoiseModel = field(
         default_factory=lambda: NoiseModel(position_std=0.06, heading_std=0.06, scan_std=0.03, dropout=0.08)
     )
-    late: float = 0.1
-    weakest_drive: float = 0.8
-    end_on_touch: float = 0.5
-    detours: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("late", "weakest_drive", "end_on_touch", "detours"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigError(f"practice: {name} is a share between 0 and 1, got {getattr(self, name)}.")
+    late: Share = 0.1
+    weakest_drive: Share = 0.8
+    end_on_touch: Share = 0.5
+    detours: Share = 0.0

@@ -7,7 +7,6 @@ algorithm can be trained as a meta-planner: the upper level of the hierarchy.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +42,7 @@ from hpp_framework.plugins.build import MakeOption, make_option
 from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.utils.errors import ConfigError, SimulatorError
 from hpp_framework.utils.seeding import EpisodeRng
+from hpp_framework.utils.validation import Count, Positive, validated
 from hpp_framework.viz.picture import check_mode
 
 PLAN_EVERY = 10
@@ -56,7 +56,7 @@ _MEANINGS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class HierarchyConfig:
     """How goals are given and who the teammates are.
 
@@ -73,22 +73,15 @@ class HierarchyConfig:
         episode: task, noise, backend, length in control steps.
     """
 
-    plan_every: int = PLAN_EVERY
+    plan_every: Count = PLAN_EVERY
     options: tuple[str | MakeOption, ...] = ()
-    budget: int = BUDGET
-    reach: float = 5.0
+    budget: Count = BUDGET
+    reach: Positive = 5.0
     control: str = "safety-filter"
     teammates_control: str = DEFAULT_CONTROL
     preset: str = "best"
     weights: tuple[Path, ...] = ()
     episode: EpisodeConfig = EpisodeConfig()
-
-    def __post_init__(self) -> None:
-        for name in ("plan_every", "budget"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} must be at least 1, got {getattr(self, name)}.")
-        if not 0 < self.reach < float("inf"):
-            raise ConfigError(f"reach must be a positive number of metres, got {self.reach}.")
 
 
 class RendezvousEnv(gym.Env[Any, Any]):

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from hpp_framework.config.task_file import is_task_file
+from hpp_framework.config.yaml_files import is_yaml
 from hpp_framework.utils.errors import ConfigError, reason
 from hpp_framework.utils.run_folder import RunFolder, differ, read_json
 from hpp_framework.utils.versions import installed_versions
-from hpp_framework.worlds.loader import SUFFIXES, load_world
+from hpp_framework.worlds.loader import load_world
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"
 MARL_EVAL = "marl_eval.json"
@@ -63,7 +64,7 @@ def digests(worlds: Sequence[str]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for name in worlds:
-        if name.lower().endswith(SUFFIXES):
+        if is_yaml(name):
             files = [Path(name), *(mesh.file for mesh in load_world(Path(name)).meshes)]
             found[name] = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     return found

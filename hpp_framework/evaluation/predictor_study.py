@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.predictor import Predictor, PredictorRequest
@@ -35,6 +37,7 @@ from hpp_framework.prediction.library import find_cards
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.progress import Progress
 from hpp_framework.utils.run_folder import write_json, write_text
+from hpp_framework.utils.validation import Several, validated
 from hpp_framework.worlds.loader import resolve_world
 
 BASELINES = ("constant-velocity", "empty-world")
@@ -48,7 +51,7 @@ Cells = dict[tuple[str, str, int, int], Misses]
 """By predictor, world, and the places of agent and subject in the team."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class PredictorStudy:
     """What is judged; written into the run folder.
 
@@ -69,8 +72,10 @@ class PredictorStudy:
     team: str = "fetch,freight"
     skill: str = "p2p"
     worlds: tuple[str, ...] = ("training",)
-    trajectories: int = 200
-    seconds: float = 12.0
+    trajectories: Several = 200
+    seconds: Annotated[
+        float, Field(strict=True, ge=0.2, le=60, allow_inf_nan=False, description="It is from 0.2 to 60 s.")
+    ] = 12.0
     weights: tuple[str, ...] = ()
     noise: NoiseModel = NoiseModel()
     seed: int = 0
@@ -79,10 +84,6 @@ class PredictorStudy:
     def __post_init__(self) -> None:
         if not self.predictors or not self.worlds:
             raise ConfigError("name at least one predictor and one world.")
-        if self.trajectories < 2:
-            raise ConfigError(f"trajectories must be at least 2, got {self.trajectories}.")
-        if not 0.2 <= self.seconds <= 60:
-            raise ConfigError(f"seconds must lie between 0.2 and 60, got {self.seconds:g}.")
 
     @property
     def compared(self) -> tuple[str, ...]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.envs.problem import PointToPoint
-from hpp_framework.utils.errors import ConfigError, unknown_name
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Count, NonNegative, Positive, validated
 
 Draw = Literal["uniform", "even"]
-DRAWS = ("uniform", "even")
 
 ARRIVAL = PointToPoint()
 """What counts as arriving, the same as in training."""
@@ -18,7 +17,7 @@ RESOLUTION = 0.05
 """Metres per cell of the grids that starts, goals, clearances and paths are found on."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Trial:
     """What a skill is put to: worlds, goals and disturbances.
 
@@ -37,19 +36,17 @@ class Trial:
     """
 
     world: str = "training"
-    episodes: int = 500
-    goal_distance: tuple[float, float] = (5.0, 10.0)
-    clearance: float = 0.15
+    episodes: Count = 500
+    goal_distance: tuple[Positive, Positive] = (5.0, 10.0)
+    clearance: NonNegative = 0.15
     draw: Draw = "uniform"
-    steps: int = 200
+    steps: Count = 200
     noise: NoiseModel = NoiseModel()
     seed: int = 0
     backend: str = "batch"
 
     def __post_init__(self) -> None:
         low, high = self.goal_distance
-        if self.episodes < 1 or self.steps < 1:
-            raise ConfigError(f"episodes and steps must be at least 1, got {self.episodes} and {self.steps}.")
         if not ARRIVAL.goal_radius < low <= high:
             raise ConfigError(
                 f"goal distance must be nearest and farthest in metres, the nearest above "
@@ -60,5 +57,3 @@ class Trial:
                 f"clearance must be at least {RESOLUTION} m, the accuracy of the grid that finds starts and "
                 f"goals, got {self.clearance:g}."
             )
-        if self.draw not in DRAWS:
-            raise unknown_name("draw", self.draw, DRAWS)

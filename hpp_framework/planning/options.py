@@ -26,12 +26,13 @@ from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner, la
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import EpisodeRng
+from hpp_framework.utils.validation import Count, NonNegative, validated
 
 BLIND = ("empty-world", "constant-velocity")
 """Predictors that know no obstacles."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class OptionsConfig:
     """Parameters of planner ``hpp-options``.
 
@@ -45,8 +46,8 @@ class OptionsConfig:
 
     skills: str = "p2p,pure-pursuit"
     predictors: str = "far-sighted,empty-world"
-    keep: float = 0.1
-    budget: int = BUDGET
+    keep: NonNegative = 0.1
+    budget: Count = BUDGET
     lattice: LatticeConfig = LatticeConfig()
 
     def __post_init__(self) -> None:
@@ -55,8 +56,6 @@ class OptionsConfig:
                 f"options: every skill needs a predictor of its own, got skills '{self.skills}' and "
                 f"predictors '{self.predictors}'."
             )
-        if self.budget < 1 or not self.keep >= 0:
-            raise ConfigError(f"options: need budget >= 1 and keep >= 0, got {self.budget} and {self.keep}.")
 
     def pairs(self) -> list[tuple[str, str]]:
         """Return each skill with its predictor."""

@@ -25,10 +25,10 @@ from hpp_framework.core.types import Observation, State
 from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.build import make_skills
 from hpp_framework.sim.batch.simulator import BatchSimulator
-from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.executor import Report, run_tasks
 from hpp_framework.utils.run_folder import RunFolder, replacing
 from hpp_framework.utils.seeding import child_seed, numpy_rng
+from hpp_framework.utils.validation import Count, Positive, Share, validated
 from hpp_framework.worlds.pool import WorldPool, build_pool, draw_starts
 
 FORMAT = 1
@@ -36,7 +36,7 @@ SCAN_UNIT = 0.001
 """Scans are stored as unsigned 16-bit millimetres: an error of at most 0.5 mm, up to 65 m."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class Collection:
     """How a data set is made.
 
@@ -53,21 +53,16 @@ class Collection:
         seed: of everything.
     """
 
-    trajectories: int = 50_000
-    steps: int = 100
-    chunk: int = 500
-    worlds: int = 50
+    trajectories: Count = 50_000
+    steps: Count = 100
+    chunk: Count = 500
+    worlds: Count = 50
     world: str = "training"
-    near_share: float = 0.6
-    near_radius: float = 5.0
-    switch_share: float = 0.5
+    near_share: Share = 0.6
+    near_radius: Positive = 5.0
+    switch_share: Share = 0.5
     start_distance: tuple[float, float] = (1.5, 8.0)
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("trajectories", "steps", "chunk", "worlds"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"collection: {name} must be at least 1, got {getattr(self, name)}.")
 
     @property
     def chunks(self) -> int:

@@ -8,32 +8,131 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import AfterValidator, Field, model_validator
 
-from hpp_framework.config.fields import Source, join, read_yaml
+from hpp_framework.config.yaml_files import FileModel, checked, is_yaml, read_yaml
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.world import Box, Cylinder, Mesh, SpawnRule, World
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError, UnknownNameError
+from hpp_framework.utils.validation import (
+    LISTED,
+    Flag,
+    NonNegative,
+    Number,
+    Positive,
+    Text,
+    filled,
+    mistake,
+    numbers,
+)
 from hpp_framework.worlds.occupancy import free_space
 from hpp_framework.worlds.slicing import load_mesh
 from hpp_framework.worlds.spawn import check_spawn
 
-T = TypeVar("T")
 WorldFactory = Callable[[np.random.Generator], World]
 
-SUFFIXES = (".yaml", ".yml")
 LARGEST_SIDE = 200.0
 """Longest side of the bounds in metres; the occupancy grid of anything larger does not fit in memory."""
 
-_WORLD = ("name", "bounds", "walled", "boxes", "cylinders", "meshes", "spawn")
-_BOX = ("center", "size", "yaw_deg", "height", "base")
-_CYLINDER = ("center", "radius", "height", "base")
-_MESH = ("file", "position", "yaw_deg", "scale")
-_SPAWN = ("distance", "center", "axis_deg", "axis_spread_deg", "clearance", "poses")
-_CORNERS = ("x_min", "y_min", "x_max", "y_max")
+
+def _printable(name: str) -> str:
+    if not name.isprintable() or any(mark in name for mark in ",/\\"):
+        raise mistake(f"cannot be '{name}'", "Use letters, digits, spaces, '-' and '_'.")
+    return name
+
+
+def _ordered(area: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    x_min, y_min, x_max, y_max = area
+    if x_min > x_max or y_min > y_max:
+        raise mistake(f"has its corners swapped: {list(area)}", "Write [x_min, y_min, x_max, y_max].")
+    return area
+
+
+def _spanning(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    sides = (bounds[2] - bounds[0], bounds[3] - bounds[1])
+    if min(sides) < 1 or max(sides) > LARGEST_SIDE:
+        raise mistake(
+            f"span {sides[0]:g} x {sides[1]:g} m",
+            f"Write [x_min, y_min, x_max, y_max] in metres, each side from 1 to {LARGEST_SIDE:g} m.",
+        )
+    return bounds
+
+
+def _beside(file: str, info: Any) -> Path:  # a ValidationInfo, which beartype cannot check
+    return (info.context / file).resolve()
+
+
+Angle = Annotated[Number, AfterValidator(math.radians)]
+"""Degrees in the file, radians in the program."""
+Point = Annotated[tuple[Number, Number], numbers("x", "y")]
+Area = Annotated[tuple[Number, Number, Number, Number], numbers("x_min", "y_min", "x_max", "y_max")]
+Start = Annotated[tuple[Number, Number, Angle], numbers("x", "y", "heading_deg")]
+
+
+class BoxEntry(FileModel):
+    """A box, as :class:`Box` has it."""
+
+    center: Point
+    size: Annotated[tuple[Positive, Positive], numbers("along x", "along y")]
+    yaw: Angle = Field(0.0, alias="yaw_deg")
+    height: Positive = 1.0
+    base: NonNegative = 0.0
+
+
+class CylinderEntry(FileModel):
+    """A cylinder, as :class:`Cylinder` has it."""
+
+    center: Point
+    radius: Positive
+    height: Positive = 1.0
+    base: NonNegative = 0.0
+
+
+class MeshEntry(FileModel):
+    """A mesh, as :class:`Mesh` has it."""
+
+    file: Annotated[Text, AfterValidator(_beside)]
+    position: Annotated[tuple[Number, Number, Number], numbers("x", "y", "z")] = (0.0, 0.0, 0.0)
+    yaw: Angle = Field(0.0, alias="yaw_deg")
+    scale: Positive = 1.0
+
+
+class SpawnEntry(FileModel):
+    """Where robots start, as :class:`SpawnRule` has it."""
+
+    distance: Positive = 5.0
+    center: Annotated[Area, AfterValidator(_ordered)] | None = None
+    axis: Angle | None = Field(None, alias="axis_deg")
+    axis_spread: Annotated[NonNegative, AfterValidator(math.radians)] = Field(0.0, alias="axis_spread_deg")
+    clearance: NonNegative = 0.15
+    poses: Annotated[
+        tuple[Start, ...] | None,
+        LISTED,
+        filled("List a start [x, y, heading_deg] for each robot, or remove it."),
+    ] = None
+
+    @model_validator(mode="after")
+    def _poses_alone(self) -> SpawnEntry:
+        for name in sorted(self.model_fields_set - {"poses", "clearance"}) if self.poses else ():
+            key = type(self).model_fields[name].alias or name
+            raise mistake("has no use beside 'spawn.poses'", "Remove one of the two.", key)
+        return self
+
+
+class WorldFile(FileModel):
+    """A world file."""
+
+    name: Annotated[Text, AfterValidator(_printable)] = ""
+    bounds: Annotated[Area, AfterValidator(_spanning)]
+    walled: Flag = True
+    boxes: Annotated[tuple[BoxEntry, ...], LISTED] = ()
+    cylinders: Annotated[tuple[CylinderEntry, ...], LISTED] = ()
+    meshes: Annotated[tuple[MeshEntry, ...], LISTED] = ()
+    spawn: SpawnEntry | None = None
 
 
 def resolve_world(name_or_path: str) -> WorldFactory:
@@ -46,8 +145,8 @@ def resolve_world(name_or_path: str) -> WorldFactory:
         ConfigError: if the file has a mistake.
         UnknownNameError: if nothing is registered under the name.
     """
-    if name_or_path.lower().endswith(SUFFIXES):
-        world = load_world(Path(name_or_path))
+    if is_yaml(name_or_path):
+        world = load_world(Path(name_or_path.strip()))
         return lambda rng: world
     try:
         return hub().worlds.entry(name_or_path).factory()
@@ -66,139 +165,35 @@ def load_world(file: Path, robots: Sequence[RobotSpec] = ()) -> World:
         ConfigError: if anything in the file is wrong; names the file, the key and the remedy.
     """
     file = Path(file)
-    source = Source(file)
-    content = source.mapping("", read_yaml(file), _WORLD, required=("bounds",))
+    content = read_yaml(file, kind="world", least="bounds: [x_min, y_min, x_max, y_max]")
+    if isinstance(content, dict):
+        content = {"name": file.stem, **content}
+    found = checked(WorldFile, content, file)
     world = World(
-        name=_name(source, content),
-        bounds=_bounds(source, content["bounds"]),
-        walled=source.flag("walled", content.get("walled", True)),
-        boxes=_each(source, content, "boxes", _box),
-        cylinders=_each(source, content, "cylinders", _cylinder),
-        meshes=_each(source, content, "meshes", _mesh),
-        spawn=_spawn(source, content.get("spawn")),
+        name=found.name,
+        bounds=found.bounds,
+        walled=found.walled,
+        boxes=tuple(Box(**each.said()) for each in found.boxes),
+        cylinders=tuple(Cylinder(**each.said()) for each in found.cylinders),
+        meshes=tuple(Mesh(**each.said()) for each in found.meshes),
+        spawn=SpawnRule(**found.spawn.said()) if found.spawn else SpawnRule(),
         file=file,
     )
-    _check_places(source, world)
-    _check_room(source, world)
+    _check_places(world)
+    _check_room(world)
     check_spawn(world, robots)
     return world
 
 
-def _name(source: Source, content: dict[str, Any]) -> str:
-    name = source.text("name", content.get("name", source.file.stem))
-    if not name.isprintable() or any(mark in name for mark in ",/\\"):
-        raise source.error("name", f"cannot be '{name}'", "Use letters, digits, spaces, '-' and '_'.")
-    return name
-
-
-def _bounds(source: Source, value: object) -> tuple[float, float, float, float]:
-    x_min, y_min, x_max, y_max = source.numbers("bounds", value, _CORNERS)
-    sides = (x_max - x_min, y_max - y_min)
-    if min(sides) < 1 or max(sides) > LARGEST_SIDE:
-        raise source.error(
-            "bounds",
-            f"span {sides[0]:g} x {sides[1]:g} m",
-            f"Write [x_min, y_min, x_max, y_max] in metres, each side from 1 to {LARGEST_SIDE:g} m.",
-        )
-    return x_min, y_min, x_max, y_max
-
-
-def _each(
-    source: Source, content: dict[str, Any], key: str, build: Callable[[Source, str, object], T]
-) -> tuple[T, ...]:
-    entries = source.items(key, content.get(key))
-    return tuple(build(source, f"{key}[{i}]", entry) for i, entry in enumerate(entries))
-
-
-def _box(source: Source, key: str, value: object) -> Box:
-    entry = source.mapping(key, value, _BOX, required=("center", "size"))
-    return Box(
-        center=_pair(source.numbers(f"{key}.center", entry["center"], ("x", "y"))),
-        size=_pair(source.numbers(f"{key}.size", entry["size"], ("along x", "along y"), positive=True)),
-        yaw=_angle(source, key, entry, "yaw_deg"),
-        height=source.number(f"{key}.height", entry.get("height", 1.0), positive=True),
-        base=source.number(f"{key}.base", entry.get("base", 0.0), low=0),
-    )
-
-
-def _cylinder(source: Source, key: str, value: object) -> Cylinder:
-    entry = source.mapping(key, value, _CYLINDER, required=("center", "radius"))
-    return Cylinder(
-        center=_pair(source.numbers(f"{key}.center", entry["center"], ("x", "y"))),
-        radius=source.number(f"{key}.radius", entry["radius"], positive=True),
-        height=source.number(f"{key}.height", entry.get("height", 1.0), positive=True),
-        base=source.number(f"{key}.base", entry.get("base", 0.0), low=0),
-    )
-
-
-def _mesh(source: Source, key: str, value: object) -> Mesh:
-    entry = source.mapping(key, value, _MESH, required=("file",))
-    place = source.numbers(f"{key}.position", entry.get("position", [0, 0, 0]), ("x", "y", "z"))
-    mesh = Mesh(
-        file=(source.file.parent / source.text(f"{key}.file", entry["file"])).resolve(),
-        position=cast("tuple[float, float, float]", place),
-        yaw=_angle(source, key, entry, "yaw_deg"),
-        scale=source.number(f"{key}.scale", entry.get("scale", 1.0), positive=True),
-    )
+def _mesh(world: World, key: str, mesh: Mesh) -> Any:
     try:
-        load_mesh(mesh)
+        return load_mesh(mesh)
     except ConfigError as error:
-        raise ConfigError(f"{source.file}: '{key}.file': {error}") from error
-    return mesh
+        raise ConfigError(f"{world.label}: '{key}.file': {error}") from error
 
 
-def _spawn(source: Source, value: object) -> SpawnRule:
-    entry = source.mapping("spawn", {} if value is None else value, _SPAWN)
-    rule = SpawnRule()
-    if "poses" in entry:
-        for name in entry:
-            if name not in ("poses", "clearance"):
-                raise source.error(
-                    f"spawn.{name}", "has no use beside 'spawn.poses'", "Remove one of the two."
-                )
-    center = entry.get("center")
-    return SpawnRule(
-        distance=source.number("spawn.distance", entry.get("distance", rule.distance), positive=True),
-        center=None if center is None else _area(source, "spawn.center", center),
-        axis=_angle(source, "spawn", entry, "axis_deg") if entry.get("axis_deg") is not None else None,
-        axis_spread=math.radians(
-            source.number("spawn.axis_spread_deg", entry.get("axis_spread_deg", 0.0), low=0)
-        ),
-        clearance=source.number("spawn.clearance", entry.get("clearance", rule.clearance), low=0),
-        poses=_poses(source, entry["poses"]) if "poses" in entry else None,
-    )
-
-
-def _area(source: Source, key: str, value: object) -> tuple[float, float, float, float]:
-    x_min, y_min, x_max, y_max = source.numbers(key, value, _CORNERS)
-    if x_min > x_max or y_min > y_max:
-        raise source.error(key, f"has its corners swapped: {value}", "Write [x_min, y_min, x_max, y_max].")
-    return x_min, y_min, x_max, y_max
-
-
-def _poses(source: Source, value: object) -> tuple[tuple[float, float, float], ...]:
-    entries = source.items("spawn.poses", value)
-    if not entries:
-        raise source.error(
-            "spawn.poses", "is empty", "List a start [x, y, heading_deg] for each robot, or remove it."
-        )
-    starts: list[tuple[float, float, float]] = []
-    for i, entry in enumerate(entries):
-        x, y, heading = source.numbers(f"spawn.poses[{i}]", entry, ("x", "y", "heading_deg"))
-        starts.append((x, y, math.radians(heading)))
-    return tuple(starts)
-
-
-def _angle(source: Source, key: str, entry: dict[str, Any], name: str) -> float:
-    return math.radians(source.number(join(key, name), entry.get(name, 0.0)))
-
-
-def _pair(values: tuple[float, ...]) -> tuple[float, float]:
-    return values[0], values[1]
-
-
-def _check_places(source: Source, world: World) -> None:
-    """Refuse obstacles that lie wholly outside the bounds: nobody would ever meet them."""
+def _check_places(world: World) -> None:
+    """Refuse meshes that cannot be read, and obstacles that no robot can meet: wholly outside the bounds."""
     spans: list[tuple[str, np.ndarray, np.ndarray]] = []
     for i, box in enumerate(world.boxes):
         spans.append((f"boxes[{i}].center", box.corners().min(0), box.corners().max(0)))
@@ -206,25 +201,22 @@ def _check_places(source: Source, world: World) -> None:
         center = np.array(cylinder.center)
         spans.append((f"cylinders[{i}].center", center - cylinder.radius, center + cylinder.radius))
     for i, mesh in enumerate(world.meshes):
-        low, high = np.asarray(load_mesh(mesh).bounds)[:, :2]
+        low, high = np.asarray(_mesh(world, f"meshes[{i}]", mesh).bounds)[:, :2]
         spans.append((f"meshes[{i}].position", low, high))
     x_min, y_min, x_max, y_max = world.bounds
     for key, low, high in spans:
         if high[0] <= x_min or high[1] <= y_min or low[0] >= x_max or low[1] >= y_max:
-            raise source.error(
-                key,
-                f"puts it outside the bounds (x {low[0]:.2f}..{high[0]:.2f}, y {low[1]:.2f}..{high[1]:.2f})",
-                f"Move it into {list(world.bounds)}, or widen 'bounds'.",
+            raise ConfigError(
+                f"{world.label}: '{key}' puts it outside the bounds "
+                f"(x {low[0]:.2f}..{high[0]:.2f}, y {low[1]:.2f}..{high[1]:.2f}). "
+                f"Move it into {list(world.bounds)}, or widen 'bounds'."
             )
 
 
-def _check_room(source: Source, world: World) -> None:
+def _check_room(world: World) -> None:
     """Refuse worlds in which not even a thin pole could start."""
-    space = free_space(world, body_height=0.3)
-    free = space.distance > world.spawn.clearance
-    if not free.any():
-        raise source.error(
-            "spawn.clearance",
-            f"of {world.spawn.clearance:g} m leaves no free space",
-            "Remove or shrink obstacles, widen 'bounds', or lower it.",
+    if not (free_space(world, body_height=0.3).distance > world.spawn.clearance).any():
+        raise ConfigError(
+            f"{world.label}: 'spawn.clearance' of {world.spawn.clearance:g} m leaves no free space. "
+            "Remove or shrink obstacles, widen 'bounds', or lower it."
         )

@@ -86,8 +86,9 @@ ROBOTS = [
     ("factory raises", raises, "build", "raised OSError: no rover.yaml (test_faults_skills.py"),
     ("factory with a parameter", lambda path: ROBOT, "signature", "does not take () -> RobotSpec: missing"),
     ("no return", lambda: None, "kind", "returned None (is a 'return' missing?), which is no RobotSpec"),
-    ("field of view in degrees", lambda: lidar(field_of_view=240.0), "build", "(0, 2*pi] radians, got 240"),
-    ("one beam", lambda: lidar(beams=1), "build", "at least 2 beams, got 1"),
+    ("field of view in degrees", lambda: lidar(field_of_view=240.0), "build",
+     "got 240.0. Use 6.28319 or less. It is in (0, 2*pi] radians."),
+    ("one beam", lambda: lidar(beams=1), "build", "'beams' must be at least 2, got 1"),
     ("sees itself", lambda: lidar(mount=(0.0, 0.0, 0.0)), "build", "it would see itself"),
     ("limits the wrong way round", lambda: drive(speed=(0.8, -0.2)), "build", "low <= 0 < high"),
 ]  # fmt: skip

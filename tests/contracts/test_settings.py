@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import pytest
@@ -40,7 +41,8 @@ def test_settings_reach_nested_configs_and_leave_the_original_alone():
     [
         ("horizn", 1, "Did you mean 'horizon'"),
         ("horizon", 2.5, "a whole number"), ("horizon", "x", "a whole number"),
-        ("cem", 1, "e.g. 'cem."), ("horizon.more", 1, "ends at 'horizon'"), ("horizon", 0, "horizon >= 1"),
+        ("cem", 1, "e.g. 'cem."), ("horizon.more", 1, "ends at 'horizon'"),
+        ("horizon", math.nan, "a whole number"), ("horizon", 0, "'horizon' must be at least 1"),
     ],
 )  # fmt: skip
 def test_wrong_settings_are_refused(name, value, words):

@@ -282,12 +282,12 @@ def test_a_free_path_of_zero_heads_for_the_goal_whatever_is_in_the_way(fetch):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"speeds": 1}, "speeds must be at least 2, got 1"),
-        ({"turns": 0}, "turns must be at least 2, got 0"),
-        ({"look_ahead": 0.0}, "look_ahead must be a positive number, got 0.0"),
-        ({"goal_radius": math.inf}, "goal_radius must be a positive number, got inf"),
-        ({"heading": -1.0}, "heading must be 0 or more, got -1.0"),
-        ({"margin": math.nan}, "margin must be 0 or more, got nan"),
+        ({"speeds": 1}, "'speeds' must be at least 2, got 1"),
+        ({"turns": 0}, "'turns' must be at least 2, got 0"),
+        ({"look_ahead": 0.0}, "'look_ahead' must be greater than 0, got 0.0"),
+        ({"goal_radius": math.inf}, "'goal_radius' must be finite, got inf"),
+        ({"heading": -1.0}, "'heading' must be at least 0, got -1.0"),
+        ({"margin": math.nan}, "'margin' must be finite, got nan"),
     ],
 )
 def test_bad_configurations(change, message):

@@ -66,7 +66,7 @@ def test_an_option_is_over_at_its_goal_or_when_its_budget_is_spent(fetch, empty_
     assert option.is_over(seen, goal, 7).tolist() == [True, True]
     assert option.is_over(seen, goal, torch.tensor([0, 8])).tolist() == [True, True]
     assert option.may_start(seen, goal).tolist() == [True, True]
-    with pytest.raises(ConfigError, match="budget must be at least 1"):
+    with pytest.raises(ConfigError, match="'budget' must be at least 1"):
         replace(option, budget=0)
 
 

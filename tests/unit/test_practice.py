@@ -119,7 +119,9 @@ def test_detours_lead_a_longer_path_around(pool, torch_rng):
 
 @pytest.mark.parametrize("name", ["late", "weakest_drive", "end_on_touch", "detours"])
 def test_shares_beyond_one_are_refused(name):
-    with pytest.raises(ConfigError, match=f"{name} is a share between 0 and 1, got 1.5"):
+    with pytest.raises(
+        ConfigError, match=f"'{name}' must be at most 1, got 1.5. .*is a share between 0 and 1"
+    ):
         Practice(**{name: 1.5})
 
 
@@ -140,7 +142,7 @@ def test_a_recipe_takes_settings_by_dotted_name():
         ({"network.hidden": "eight"}, r"must be a whole number \(like 128\), got 'eight'"),
         ({"reward.touch": "much"}, r"must be a number \(like -\d.*\), got 'much'"),
         ({"rooms.world": 3}, r"must be text \(like 'mixed'\), got 3"),
-        ({"network.scan": "rnn"}, "scan must be 'conv' or 'dense', got 'rnn'"),
+        ({"network.scan": "rnn"}, "'scan' must be 'conv' or 'dense', got 'rnn'"),
     ],
 )
 def test_wrong_settings_are_named(settings, message):

@@ -221,8 +221,11 @@ MISTAKES = [
     ("evaluate predictor delta-pose-lida", ["'delta-pose-lidar'"]),
     ("evaluate predictor constant-velocity --worlds trainin", ["'training'"]),
     ("evaluate predictor constant-velocity --compare constant-velocity", ["'constant-velocity' twice"]),
-    ("evaluate predictor constant-velocity --trajectories 1", ["trajectories must be at least 2"]),
-    ("evaluate predictor constant-velocity --seconds 0.1", ["seconds must lie between"]),
+    ("evaluate predictor constant-velocity --trajectories 1", ["'trajectories' must be at least 2"]),
+    (
+        "evaluate predictor constant-velocity --seconds 0.1",
+        ["'seconds' must be at least 0.2", "from 0.2 to 60 s"],
+    ),
     ("evaluate predictor constant-velocity --noise.pose -1", ["position_std"]),
     ("evaluate predictor delta-pose-lidar --skill dwa", ["agent_skill", "'dwa'"]),
     ("evaluate predictor delta-pose-lidar --weights nowhere", ["--weights 'nowhere'"]),

@@ -227,12 +227,12 @@ def test_observations_do_not_change_afterwards(make):
 @pytest.mark.parametrize(
     ("noise", "message"),
     [
-        ({"position_std": -0.1}, "position_std must be 0 or more"),
-        ({"heading_std": math.nan}, "heading_std must be 0 or more"),
-        ({"scan_std": math.inf}, "scan_std must be 0 or more"),
-        ({"dropout": 1.5}, "dropout is a share between 0 and 1"),
-        ({"pose_dropout": 1.5}, "pose_dropout is a share between 0 and 1"),
-        ({"delay": -1}, "delay must be 0 or more"),
+        ({"position_std": -0.1}, "'position_std' must be at least 0"),
+        ({"heading_std": math.nan}, "'heading_std' must be finite"),
+        ({"scan_std": math.inf}, "'scan_std' must be finite"),
+        ({"dropout": 1.5}, "'dropout' must be at most 1.*a share between 0 and 1"),
+        ({"pose_dropout": 1.5}, "'pose_dropout' must be at most 1.*a share between 0 and 1"),
+        ({"delay": -1}, "'delay' must be at least 0"),
     ],
 )
 def test_bad_noise(noise, message):

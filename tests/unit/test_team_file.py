@@ -45,6 +45,14 @@ def test_what_members_leave_out_comes_from_the_team_and_then_from_the_command(wr
     assert {member.planner for member in team.members} == {"centralized-mp"}
 
 
+def test_control_layers_of_the_team_hold_for_members_that_name_none(write):
+    layers = "rotate-to-path,terminal-approach:near=1.2,safety-filter"
+    file = write(ALICE, {**BOB, "control": "safety-filter"}, control=layers)
+    assert [member.control for member in resolve_team(str(file)).members] == [layers, "safety-filter"]
+    assert [member.control for member in resolve_team(str(write(ALICE))).members] == [None]
+    assert read_team_file(write(ALICE)) == {"members": [ALICE]}
+
+
 @pytest.mark.parametrize(
     ("members", "others", "message"),
     [
@@ -69,13 +77,24 @@ def test_what_members_leave_out_comes_from_the_team_and_then_from_the_command(wr
         ),
         ([ALICE, {**BOB, "believes": {"alice": {"robots": "fetch"}}}], {}, "Did you mean 'robot'"),
         ([{**ALICE, "noise": {"pose": 0.1}}], {}, r"noise.pose' is not a known key. .*position_std"),
-        ([ALICE], {"noise": {"dropout": 2}}, "'noise' is wrong: noise: dropout is a share between 0 and 1"),
-        ([{**ALICE, "noise": {"delay": 0.5}}], {}, "noise.delay' counts control steps"),
+        (
+            [ALICE],
+            {"noise": {"dropout": 2}},
+            "'noise.dropout' must be at most 1, got 2. .* a share between 0 and 1",
+        ),
+        (
+            [{**ALICE, "noise": {"delay": 0.5}}],
+            {},
+            r"'members\[0\].noise.delay' must be a whole number, got 0.5",
+        ),
         ([{**ALICE, "joins_at": -1}], {}, r"joins_at' must be at least 0"),
         ([{**ALICE, "joins_at": 5, "leaves_at": 4}], {}, r"leaves_at' of 4 s is not after it joins, at 5 s"),
         ([{**ALICE, "joins_at": "5 s"}], {}, "joins_at' must be a number, got '5 s'"),
         ([{**ALICE, "weights": {"alice": "nowhere"}}], {}, "weights.alice' .* is not a folder"),
         ([3], {}, r"'members\[0\]' must be a mapping, got 3"),
+        ([{**ALICE, "control": ""}], {}, r"'members\[0\].control' must be text, got ''"),
+        ([ALICE], {"control": ["safety-filter"]}, r"'control' must be text, got \['safety-filter'\]"),
+        ([ALICE], {"skill": "p2q"}, "'skill' names no skill .* Did you mean 'p2p'"),
     ],
 )
 def test_mistakes_name_file_key_and_remedy(write, members, others, message):

@@ -53,8 +53,14 @@ def test_every_documented_key_of_the_loader_is_in_the_complete_example():
     from hpp_framework.worlds import loader
 
     complete = documented_examples()[0] + documented_examples()[1]
-    for keys in (loader._WORLD, loader._BOX, loader._CYLINDER, loader._MESH, loader._SPAWN):
-        assert all(f"{key}:" in complete for key in keys)
+    for entry in (
+        loader.WorldFile,
+        loader.BoxEntry,
+        loader.CylinderEntry,
+        loader.MeshEntry,
+        loader.SpawnEntry,
+    ):
+        assert all(f"{field.alias or key}:" in complete for key, field in entry.model_fields.items())
 
 
 def test_shortest_file_takes_its_name_and_defaults_from_the_file(tmp_path):
@@ -73,7 +79,8 @@ MISTAKES = {
         "'height'",
     ),
     "unknown spawn key": (BOUNDS + "spawn: {distence: 3}", "spawn.distence", "Did you mean 'distance'"),
-    "number as key": (BOUNDS + "3: 4", "'3'", "Known here"),
+    "number as key": (BOUNDS + "3: 4", "line 2, column 1: the key '3'", "put it in quotes"),
+    "number as text as key": (BOUNDS + "'3': 4", "'3' is not a known key", "Known here"),
     "no bounds": ("name: x", "bounds", "is missing"),
     "bounds of three": ("bounds: [0, 0, 5]", "bounds", "[x_min, y_min, x_max, y_max]"),
     "bounds swapped": ("bounds: [5, 5, -5, -5]", "bounds", "at least 1 m|each side from 1"),

@@ -10,25 +10,27 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from hpp_framework.planning.baselines.rrt_map import Room
-from hpp_framework.utils.errors import ConfigError, unknown_name
+from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Count, Positive, Share, validated
 
 if TYPE_CHECKING:
     from ompl import base, geometric
 
-ALGORITHMS = ("rrt", "rrt-connect", "rrt-star")
+Algorithm = Literal["rrt", "rrt-connect", "rrt-star"]
+ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 CHECK_EVERY = 0.05
 """Metres between two points of a motion that are checked."""
 ARRIVED = 0.05
 """Metres from the goal at which a tree has reached it."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class TreeConfig:
     """How trees grow.
 
@@ -42,20 +44,12 @@ class TreeConfig:
         simplify: whether to cut corners of the path afterwards.
     """
 
-    algorithm: str = "rrt"
-    step: float = 1.0
-    goal_bias: float = 0.05
-    iterations: int = 2000
-    tries: int = 3
+    algorithm: Algorithm = "rrt"
+    step: Positive = 1.0
+    goal_bias: Share = 0.05
+    iterations: Count = 2000
+    tries: Count = 3
     simplify: bool = True
-
-    def __post_init__(self) -> None:
-        if self.algorithm not in ALGORITHMS:
-            raise unknown_name("tree algorithm", self.algorithm, ALGORITHMS)
-        if self.iterations < 1 or self.tries < 1 or not self.step > 0 or not 0 <= self.goal_bias <= 1:
-            raise ConfigError(
-                f"trees need iterations >= 1, tries >= 1, step > 0 and goal_bias between 0 and 1, got {self}."
-            )
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -15,10 +15,10 @@ from hpp_framework.planning.baselines.rrt_planner import PLAIN, RrtConfig, RrtPl
 from hpp_framework.planning.baselines.rrt_predictor import MotionConfig, RrtPredictor
 from hpp_framework.planning.hpp.cem import CemConfig
 from hpp_framework.planning.hpp.planner import HppConfig, HppPlanner
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Positive, Share, validated
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class RrtCemConfig:
     """Parameters of RRT+CEM: those of :class:`RrtConfig`, of imagined motion and of the search over goals.
 
@@ -44,15 +44,13 @@ class RrtCemConfig:
     tree: TreeConfig = TreeConfig()
     motion: MotionConfig = MotionConfig()
     horizon: int = 12
-    terminal: float = 0.4
-    least_std: float = 2.5
+    terminal: Share = 0.4
+    least_std: Positive = 2.5
     cem: CemConfig = CemConfig()
 
     def __post_init__(self) -> None:
         self.following()
         self.search()
-        if not 0 <= self.terminal <= 1 or not self.least_std > 0:
-            raise ConfigError(f"RRT+CEM needs terminal between 0 and 1 and least_std > 0, got {self}.")
 
     def following(self) -> RrtConfig:
         """Return how paths are found and followed."""

@@ -27,6 +27,7 @@ from hpp_framework.planning.baselines.rrt_path import SPACING, padded, resampled
 from hpp_framework.planning.baselines.rrt_predictor import RrtPredictor
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_framework.utils.seeding import EpisodeRng
+from hpp_framework.utils.validation import Count, NonNegative, Positive, validated
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
 
 PROGRESS = 2.0
@@ -34,7 +35,7 @@ PROGRESS = 2.0
 MOST_SEEDS = 2**31 - 2
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class RrtConfig:
     """How a robot finds and follows paths.
 
@@ -48,16 +49,12 @@ class RrtConfig:
         tree: how trees grow.
     """
 
-    plan_every: int = 10
+    plan_every: Count = 10
     known_map: bool = False
-    margin: float = 0.1
+    margin: NonNegative = 0.1
     snap: bool = True
-    look_ahead: float = 2.0
+    look_ahead: Positive = 2.0
     tree: TreeConfig = TreeConfig()
-
-    def __post_init__(self) -> None:
-        if self.plan_every < 1 or not self.margin >= 0 or not self.look_ahead > 0:
-            raise ConfigError(f"RRT needs plan_every >= 1, margin >= 0 and look_ahead > 0, got {self}.")
 
 
 @dataclass(frozen=True)

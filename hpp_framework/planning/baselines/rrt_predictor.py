@@ -7,7 +7,6 @@ a tree of its own, at a fraction of the cost. Goals near each other then also ge
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +21,7 @@ from hpp_framework.planning.baselines.rrt import Tree, TreeConfig, grow_tree
 from hpp_framework.planning.baselines.rrt_map import Points, Room, room_for
 from hpp_framework.prediction.empty_world import observed_velocities
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Count, Positive, validated
 from hpp_framework.worlds.occupancy import FreeSpace
 
 NEIGHBOURS = 5
@@ -32,7 +32,7 @@ CORNERS_CUT = 6
 """Rounds in which every node is joined to the parent of its parent if nothing is between them."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class MotionConfig:
     """How everybody is imagined to move.
 
@@ -42,13 +42,9 @@ class MotionConfig:
         samples: of a tree.
     """
 
-    period: float = 1.0
-    speed: float = 0.7
-    samples: int = 600
-
-    def __post_init__(self) -> None:
-        if not self.period > 0 or not self.speed > 0 or self.samples < 1:
-            raise ConfigError(f"imagined motion needs period > 0, speed > 0 and samples >= 1, got {self}.")
+    period: Positive = 1.0
+    speed: Positive = 0.7
+    samples: Count = 600
 
 
 class RrtPredictor(Predictor):

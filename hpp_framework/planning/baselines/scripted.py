@@ -25,6 +25,7 @@ from hpp_framework.core.types import Observation
 from hpp_framework.perception.sensing import lidar_poses
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import EpisodeRng
+from hpp_framework.utils.validation import Number, Positive, validated
 
 OPEN = 2.0
 """Metres that a beam must reach for a place along it to be driven to."""
@@ -36,7 +37,7 @@ NEAREST = 1.0
 Config = TypeVar("Config")
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class StubbornConfig:
     """Where a stubborn robot goes.
 
@@ -46,15 +47,12 @@ class StubbornConfig:
         reach: farthest such place, metres.
     """
 
-    x: float | None = None
-    y: float | None = None
-    reach: float = 6.0
-
-    def __post_init__(self) -> None:
-        _check_positive("stubborn", reach=self.reach)
+    x: Number | None = None
+    y: Number | None = None
+    reach: Positive = 6.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class RouteConfig:
     """The way-points of a route.
 
@@ -65,11 +63,10 @@ class RouteConfig:
     """
 
     points: str = "-3 -3; 3 -3; 3 3; -3 3"
-    near: float = 0.6
+    near: Positive = 0.6
     loop: bool = False
 
     def __post_init__(self) -> None:
-        _check_positive("route", near=self.near)
         self.places()
 
     def places(self) -> list[tuple[float, float]]:
@@ -90,7 +87,7 @@ class RouteConfig:
         return [(x, y) for x, y in pairs]
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class WanderConfig:
     """How a wandering robot wanders.
 
@@ -100,12 +97,9 @@ class WanderConfig:
         patience: seconds after which a robot that does not get there chooses another.
     """
 
-    reach: float = 6.0
-    near: float = 0.6
-    patience: float = 15.0
-
-    def __post_init__(self) -> None:
-        _check_positive("wander", reach=self.reach, near=self.near, patience=self.patience)
+    reach: Positive = 6.0
+    near: Positive = 0.6
+    patience: Positive = 15.0
 
 
 class ScriptedPlanner(MetaPlanner):
@@ -264,9 +258,3 @@ def _under_way(goal: Float[Tensor, "b 2"], count: Int[Tensor, "b"]) -> Decision:
 
 def _near(observation: Observation, goal: Float[Tensor, "b 2"], near: float) -> Bool[Tensor, "b"]:
     return (observation.pose[:, :2] - goal).norm(dim=-1) < near
-
-
-def _check_positive(planner: str, **values: float) -> None:
-    for name, value in values.items():
-        if not 0 < value < math.inf:
-            raise ConfigError(f"planner '{planner}': {name} must be positive, got {value}.")

@@ -11,9 +11,10 @@ from torch import Tensor
 
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import EpisodeRng
+from hpp_framework.utils.validation import Count, NonNegative, validated
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class CemConfig:
     """Parameters of the search; defaults are the paper's (appendix C.1).
 
@@ -24,16 +25,14 @@ class CemConfig:
         epsilon: a row stops once its largest standard deviation is no more than this.
     """
 
-    iterations: int = 15
-    samples: int = 15
-    elites: int = 5
-    epsilon: float = 1e-3
+    iterations: Count = 15
+    samples: Count = 15
+    elites: Count = 5
+    epsilon: NonNegative = 1e-3
 
     def __post_init__(self) -> None:
-        if self.iterations < 1 or not 1 <= self.elites <= self.samples or self.epsilon < 0:
-            raise ConfigError(
-                f"CEM needs iterations >= 1, 1 <= elites <= samples and epsilon >= 0, got {self}."
-            )
+        if self.elites > self.samples:
+            raise ConfigError(f"CEM needs elites <= samples, got {self}.")
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,14 @@ from hpp_framework.perception.occlusion import in_shadow
 from hpp_framework.planning.hpp.best_response import as_one_gaussian, likeliest, moments, pair_rewards
 from hpp_framework.planning.hpp.inference import Evidence, GoalInference
 from hpp_framework.planning.targets import imagine_task, own_target
-from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import EpisodeRng
+from hpp_framework.utils.validation import Count, NonNegative, Positive, Share, validated
 
 PAIRS = 192
 """Goals of the others times robots that a plan of a larger team weighs, at most."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class LatticeConfig:
     """Parameters of the lattice planner.
 
@@ -65,38 +65,24 @@ class LatticeConfig:
     """
 
     predictor: str = "far-sighted"
-    horizon: int = 15
-    plan_every: int = 5
-    spacing: float = 0.8
-    reach: float = 4.0
+    horizon: Count = 15
+    plan_every: Count = 5
+    spacing: Positive = 0.8
+    reach: Positive = 4.0
     shared: bool = True
-    keep: float = 0.0
-    terminal: float = 0.4
-    doubt: float = 0.3
-    shadow: float = 0.5
-    shadow_depth: float = 2.5
-    patience: float = 10.0
-    evidence: float = 0.3
-    surprise: float = 0.15
-    memory: float = 0.7
+    keep: NonNegative = 0.0
+    terminal: Share = 0.4
+    doubt: NonNegative = 0.3
+    shadow: NonNegative = 0.5
+    shadow_depth: Positive = 2.5
+    patience: NonNegative = 10.0
+    evidence: NonNegative = 0.3
+    surprise: Positive = 0.15
+    memory: Share = 0.7
     respond: bool = True
-    hypotheses: int = 24
+    hypotheses: Count = 24
     mixture: bool = True
-    temperature: float = 0.6
-
-    def __post_init__(self) -> None:
-        for name in ("horizon", "plan_every", "hypotheses"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"lattice: {name} must be at least 1, got {getattr(self, name)}.")
-        for name in ("spacing", "reach", "surprise", "temperature", "shadow_depth"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ConfigError(f"lattice: {name} must be positive, got {getattr(self, name)}.")
-        for name in ("keep", "evidence", "doubt", "shadow", "patience"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ConfigError(f"lattice: {name} must be 0 or more, got {getattr(self, name)}.")
-        for name in ("memory", "terminal"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigError(f"lattice: {name} is a share between 0 and 1, got {getattr(self, name)}.")
+    temperature: Positive = 0.6
 
 
 def lattice_config(robots: int) -> LatticeConfig:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -18,14 +17,15 @@ from hpp_framework.planning.hpp.cem import CemConfig, cross_entropy
 from hpp_framework.planning.hpp.lattice import LatticePlanner, lattice_config
 from hpp_framework.planning.targets import imagine_task, own_target
 from hpp_framework.plugins.registry import hub
-from hpp_framework.utils.errors import ConfigError, unknown_name
+from hpp_framework.utils.errors import unknown_name
 from hpp_framework.utils.seeding import EpisodeRng
+from hpp_framework.utils.validation import Count, validated
 
 MIN_STD = 0.25
 """Smallest initial standard deviation in metres, so that robots in one row still search to its sides."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class HppConfig:
     """Parameters of the paper's planner (appendix C.1).
 
@@ -37,13 +37,9 @@ class HppConfig:
     """
 
     predictor: str = "delta-pose-lidar"
-    horizon: int = 5
-    plan_every: int = 10
+    horizon: Count = 5
+    plan_every: Count = 10
     cem: CemConfig = CemConfig()
-
-    def __post_init__(self) -> None:
-        if self.horizon < 1 or self.plan_every < 1:
-            raise ConfigError(f"HPP needs horizon >= 1 and plan_every >= 1, got {self}.")
 
 
 class HppPlanner(MetaPlanner):

@@ -15,7 +15,7 @@ from hpp_framework.plugins.registry import hub
 from hpp_framework.training.search.space import SCORE, SkillSearch
 from hpp_framework.utils.errors import ConfigError, HppError
 from hpp_framework.utils.executor import Report
-from hpp_framework.utils.run_folder import read_json, write_text
+from hpp_framework.utils.run_folder import read_json, write_json, write_text
 
 TRAINED, LOG, FAILURE = "trained.json", "log.txt", "failure.txt"
 

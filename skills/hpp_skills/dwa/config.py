@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, dataclass
-
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import NonNegative, Positive, Several, validated
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class DwaConfig:
     """Sizes and weights of the dynamic window approach.
 
@@ -38,28 +35,17 @@ class DwaConfig:
         speed: weight of driving fast.
     """
 
-    speeds: int = 5
-    turns: int = 15
-    look_ahead: float = 1.06
-    margin: float = 0.043
-    blind_turn: float = 0.66
-    side_reach: float = 0.175
-    free_path: float = 1.44
-    keep: float = 0.73
-    goal_radius: float = 0.2
-    heading: float = 0.91
-    progress: float = 0.54
-    clearance: float = 0.26
-    side: float = 0.034
-    speed: float = 0.45
-
-    def __post_init__(self) -> None:
-        for name in ("speeds", "turns"):
-            if getattr(self, name) < 2:
-                raise ConfigError(f"dwa: {name} must be at least 2, got {getattr(self, name)}.")
-        for name in ("look_ahead", "side_reach", "goal_radius"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ConfigError(f"dwa: {name} must be a positive number, got {getattr(self, name)}.")
-        for name, value in asdict(self).items():
-            if not 0 <= value < math.inf:
-                raise ConfigError(f"dwa: {name} must be 0 or more, got {value}.")
+    speeds: Several = 5
+    turns: Several = 15
+    look_ahead: Positive = 1.06
+    margin: NonNegative = 0.043
+    blind_turn: NonNegative = 0.66
+    side_reach: Positive = 0.175
+    free_path: NonNegative = 1.44
+    keep: NonNegative = 0.73
+    goal_radius: Positive = 0.2
+    heading: NonNegative = 0.91
+    progress: NonNegative = 0.54
+    clearance: NonNegative = 0.26
+    side: NonNegative = 0.034
+    speed: NonNegative = 0.45

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from hpp_framework.core.robot import DriveLimits, RobotSpec
-from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.validation import Count, validated
 
 _FAR = 10.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@validated
 class NetworkShape:
     """How large the policy is.
 
@@ -25,17 +25,10 @@ class NetworkShape:
         hidden: units of the last hidden layer.
     """
 
-    scan: str = "conv"
-    channels: int = 16
-    features: int = 160
-    hidden: int = 128
-
-    def __post_init__(self) -> None:
-        if self.scan not in ("conv", "dense"):
-            raise ConfigError(f"network: scan must be 'conv' or 'dense', got '{self.scan}'.")
-        for name in ("channels", "features", "hidden"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"network: {name} must be at least 1, got {getattr(self, name)}.")
+    scan: Literal["conv", "dense"] = "conv"
+    channels: Count = 16
+    features: Count = 160
+    hidden: Count = 128
 
 
 class Encoder(nn.Module):
