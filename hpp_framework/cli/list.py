@@ -20,7 +20,7 @@ class List:
     """Show what is registered and from which distribution; plugins that could not be loaded, and why."""
 
     kind: Annotated[str, tyro.conf.Positional] = "all"
-    """What to show: robots, skills, tasks, worlds, planners, predictors, ... or all."""
+    """What to show: robots, skills, tasks, worlds, planners, policies, layers, predictors, ... or all."""
     # a counter, because flags of this command line take a value otherwise
     json: tyro.conf.UseCounterAction[int] = 0
     """Print JSON, with distribution and version apart."""

@@ -39,6 +39,20 @@ class NewSkill:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NewLayer:
+    """Write a package with a control layer: it limits a robot's speed near its teammates."""
+
+    name: Annotated[str, tyro.conf.Positional]
+    """PACKAGE/NAME, e.g. my-pkg/cautious; or PACKAGE alone."""
+    out: Path = Path()
+    """Folder to write the package's own folder into."""
+
+    def run(self) -> None:
+        """Write it and say what comes next."""
+        _write("layer", self.name, self.out)
+
+
+@dataclass(frozen=True, kw_only=True)
 class NewRobot:
     """Write a package with a robot: an example's numbers to replace by hand, or those of a URDF."""
 
@@ -75,6 +89,7 @@ class New:
     what: Annotated[
         Annotated[NewTask, tyro.conf.subcommand("task")]
         | Annotated[NewSkill, tyro.conf.subcommand("skill")]
+        | Annotated[NewLayer, tyro.conf.subcommand("layer")]
         | Annotated[NewRobot, tyro.conf.subcommand("robot")],
         tyro.conf.arg(name=""),
     ]

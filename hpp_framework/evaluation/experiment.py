@@ -42,6 +42,8 @@ from hpp_framework.utils.seeding import child_seed, numpy_rng
 from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 
+ESTIMATOR = "dead-reckoning"
+"""How late and lost poses are made up for; see :class:`~hpp_framework.perception.sensing.Sensing`."""
 CHUNK = {"batch": 100, "sapien": 5}
 
 Bounds = dict[int, float]
@@ -211,7 +213,11 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
     results = Results(
         worlds=experiment.worlds, planners=experiment.planners, preset=experiment.preset,
         rows=[row for row in rows if row.episode < experiment.episodes],
-        about={"team": experiment.team, "backend": experiment.backend, "seed": experiment.seed},
+        about={
+            "team": experiment.team, "control": experiment.control, "estimator": ESTIMATOR,
+            "disturbances": "ideal" if experiment.noise == NoiseModel() else asdict(experiment.noise),
+            "backend": experiment.backend, "seed": experiment.seed,
+        },
     )  # fmt: skip
     summary = summarise(results)
     write_json(out / folder.SUMMARY, summary)

@@ -16,9 +16,9 @@ from hpp_framework.utils.errors import ConfigError, reason
 TEMPLATES = Path(__file__).parents[1] / "templates"
 COMMON = "common"
 PACKAGE = "my-pkg"
-SAMPLES = {"task": "meet-at-door", "skill": "sample-skill", "robot": "sample-rover"}
+SAMPLES = {"task": "meet-at-door", "skill": "sample-skill", "robot": "sample-rover", "layer": "sample-layer"}
 """What the template of each kind brings: two words or more, so that all spellings differ."""
-THINGS = {"task": "meet-at-door", "skill": "cautious", "robot": "rover"}
+THINGS = {"task": "meet-at-door", "skill": "cautious", "robot": "rover", "layer": "cautious"}
 """What the thing is called if it is not named."""
 
 
@@ -28,7 +28,7 @@ def write_package(
     """Write a package that registers, documents and tests one thing.
 
     Args:
-        kind: ``"task"``, ``"skill"`` or ``"robot"``.
+        kind: ``"task"``, ``"skill"``, ``"robot"`` or ``"layer"``.
         name: of package and thing.
         folder: the package's own; made here.
         replaced: files with other content than the template's, by their path in the package.

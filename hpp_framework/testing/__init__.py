@@ -10,6 +10,7 @@ In a plugin's own tests::
 ``hpp check my-package`` runs the right ones over everything that a distribution registers.
 """
 
+from hpp_framework.testing.layer import check_layer
 from hpp_framework.testing.planner import check_planner
 from hpp_framework.testing.predictor import check_predictor
 from hpp_framework.testing.report import CheckError, Finding, Rule
@@ -19,6 +20,14 @@ from hpp_framework.testing.task import check_task
 from hpp_framework.testing.world import check_world
 
 __all__ = [
-    "CheckError", "Finding", "Rule", "check_planner", "check_predictor", "check_robot", "check_skill",
-    "check_task", "check_world",
-]  # fmt: skip
+    "CheckError",
+    "Finding",
+    "Rule",
+    "check_layer",
+    "check_planner",
+    "check_predictor",
+    "check_robot",
+    "check_skill",
+    "check_task",
+    "check_world",
+]

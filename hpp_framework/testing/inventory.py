@@ -14,6 +14,7 @@ from packaging.utils import canonicalize_name
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import BrokenPlugin, Entry, Hub, hub
 from hpp_framework.testing.build import IMPORT, not_imported
+from hpp_framework.testing.layer import check_layer
 from hpp_framework.testing.planner import check_planner
 from hpp_framework.testing.predictor import check_predictor
 from hpp_framework.testing.report import RAISES, CheckError, Finding, Report, Rule, describe
@@ -177,6 +178,7 @@ def _checks(choice: Choice) -> dict[str, Callable[[str], None]]:
         "tasks": lambda name: check_task(name, robots=robots),
         "worlds": lambda name: check_world(name, robots=robots),
         "planners": lambda name: check_planner(name, team=choice.team),
+        "layers": lambda name: check_layer(name, team=choice.team),
         "predictors": lambda name: check_predictor(name, team=choice.team),
     }
 
