@@ -37,6 +37,7 @@ from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import Trial
 from hpp_framework.sim import make_simulator
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.occupancy import free_space
 
 ROOM = World(name="room", bounds=(-10, -10, 10, 10))
