@@ -13,13 +13,13 @@ from hpp_skills.p2p.recipe import Recipe
 from hpp_framework.cli.main import main
 from hpp_framework.core.skill import SkillTraining
 from hpp_framework.plugins.registry import hub
+from hpp_framework.training.search import report as search_report
+from hpp_framework.training.search import trial as search_trial
 from hpp_framework.training.search.config import SearchConfig
 from hpp_framework.training.search.figure import draw_search
 from hpp_framework.training.search.importance import rank_correlations
 from hpp_framework.training.search.report import train_command
-from hpp_framework.training.search.run import report as search_report
 from hpp_framework.training.search.run import search_skill
-from hpp_framework.training.search.run import trial as search_trial
 from hpp_framework.training.search.space import Choice, Phase, Range, SkillSearch
 from hpp_framework.training.search.trial import TrialTask, launch, run_trial
 from hpp_framework.utils.errors import ConfigError, HppError
