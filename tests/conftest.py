@@ -46,7 +46,7 @@ import numpy as np  # noqa: E402  # after the hook, as above
 import pytest  # noqa: E402  # after the hook
 import torch  # noqa: E402  # after the hook
 
-from hpp_framework.core.planner import MetaPlanner, certain  # noqa: E402  # after the hook
+from hpp_framework.core.planner import Decision, MetaPlanner, certain  # noqa: E402  # after the hook
 from hpp_framework.core.robot import RobotSpec  # noqa: E402  # after the hook
 from hpp_framework.core.world import Box, Cylinder, World  # noqa: E402  # after the hook
 from hpp_framework.plugins.registry import hub  # noqa: E402  # after the hook
@@ -114,13 +114,52 @@ class _FixedGoal(MetaPlanner):
     def plan(self, observation, belief, rng):
         del belief, rng
         goal = self.goal.expand(len(observation.pose), 2)
-        return goal, certain(goal)
+        return Decision(goal, certain(goal))
 
 
 @pytest.fixture(scope="session")
 def fixed_goal():
-    """Planner that wants everybody at a place (x, y)."""
+    """Planner that wants all robots at a place (x, y)."""
     return _FixedGoal
+
+
+@pytest.fixture(scope="session")
+def play():
+    """Return a function that runs a team, all of which takes part all the time, through episodes.
+
+    Agents are built from an :class:`AgentConfig`, a planner's name, or given.
+    """
+    from hpp_framework.agents.build import AgentConfig, build_agents
+    from hpp_framework.core.schedule import permanent
+    from hpp_framework.evaluation.rollout import run_episodes
+    from hpp_framework.sim.batch.simulator import BatchSimulator
+
+    def run(team, task, worlds, starts, agents="centralized-mp", *, seeds=None, **options):
+        if isinstance(agents, str):
+            agents = AgentConfig(planner=agents)
+        if isinstance(agents, AgentConfig):
+            agents = build_agents(team, task, agents, worlds[0].bounds)
+        seeds = range(len(worlds)) if seeds is None else seeds
+        with BatchSimulator(team.robots, threads=1) as simulator:
+            return run_episodes(
+                simulator, worlds, starts, agents, permanent(task, len(team)), seeds=seeds, **options
+            )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def begun():
+    """Return a function that begins episodes, in which agents can observe and drive."""
+    from hpp_framework.episodes.core import EpisodeBatch
+    from hpp_framework.sim.batch.simulator import BatchSimulator
+
+    def begin(robots, worlds, starts, **options):
+        batch = EpisodeBatch(BatchSimulator(robots, threads=1), **options)
+        batch.begin(worlds, torch.as_tensor(starts, dtype=torch.float32), range(len(worlds)))
+        return batch
+
+    return begin
 
 
 @pytest.fixture

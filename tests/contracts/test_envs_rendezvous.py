@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hpp_framework.core.disturbances import NoiseModel
-from hpp_framework.core.planner import Belief, MetaPlanner
+from hpp_framework.core.planner import Decision, MetaPlanner, certain
 from hpp_framework.core.team import Team
 from hpp_framework.core.world import World
 from hpp_framework.envs import EpisodeConfig, HierarchyConfig, RendezvousEnv, TeamEnv
@@ -17,7 +17,7 @@ from hpp_framework.utils.errors import ConfigError, SimulatorError, UnknownNameE
 
 
 class Recorder(MetaPlanner):
-    """Sends everybody to one point and keeps what it saw."""
+    """Sends all robots to one point and keeps what it saw."""
 
     def __init__(self, context, goal=(3.0, 3.0)):
         self.context = context
@@ -26,7 +26,7 @@ class Recorder(MetaPlanner):
 
     def plan(self, observation, belief, rng):
         self.seen.append((observation, belief))
-        return self.goal, Belief(self.goal, self.goal, torch.zeros(1, 2))
+        return Decision(self.goal, certain(self.goal))
 
 
 def test_centralised_midpoint_meets_in_an_empty_room(straight_team):

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hpp_framework import testing
-from hpp_framework.core.planner import Belief, MetaPlanner, certain
+from hpp_framework.core.planner import Belief, Decision, MetaPlanner, certain
 from hpp_framework.core.predictor import Predictor
 from hpp_framework.core.team import Member, Team
 from hpp_framework.core.types import Trajectories
@@ -150,14 +150,14 @@ PREDICTORS = [
 
 
 class Midpoint(MetaPlanner):
-    """Everybody to the middle."""
+    """All to the middle."""
 
     def __init__(self, context=None):
         self.bounds = context.bounds if context else None
 
     def plan(self, observation, belief, rng):
         goal = observation.team_poses[..., :2].mean(1)
-        return goal, certain(goal)
+        return Decision(goal, certain(goal))
 
 
 def planner(change=None, **members):
@@ -167,8 +167,8 @@ def planner(change=None, **members):
         plans = 0
 
         def plan(self, observation, belief, rng):
-            goal, said = super().plan(observation, belief, rng)
-            return change(self, observation, belief, goal) if change else (goal, said)
+            decision = super().plan(observation, belief, rng)
+            return change(self, observation, belief, decision.goal) if change else decision
 
     for name, value in members.items():
         setattr(Changed, name, value)
@@ -180,7 +180,7 @@ def sure(change):
 
     def plan(it, seen, belief, goal):
         goal = change(it, seen, belief, goal)
-        return goal, certain(goal)
+        return Decision(goal, certain(goal))
 
     return planner(plan)
 
@@ -200,11 +200,11 @@ def stale(it, seen, belief, goal):
     return seen.poses[:, 0, 0, :2]
 
 
-def fails_alone(self, observation, goal, belief):
+def fails_alone(self, observation, decision):
     # episodes are run two by two
-    if len(goal) == 2:
+    if len(decision.goal) == 2:
         raise ZeroDivisionError("no way left")
-    return goal, belief
+    return decision
 
 
 class Everywhere:
@@ -229,16 +229,17 @@ def one_for_two(context):
 PLANNERS = [
     ("never again", planner(plan_every=0), "plan-every", "plan_every is 0"),
     ("every two and a half", planner(plan_every=2.5), "plan-every", "plan_every is 2.5"),
-    ("perhaps centralised", planner(centralised="no"), "centralised", "'no', neither True nor False"),
+    ("perhaps shared", planner(shared_rng="no"), "shared-rng", "'no', not True or False"),
     ("goal alone", planner(lambda it, seen, belief, goal: goal), "belief",
-     "returned Tensor, not (goal, Belief)"),
-    ("no belief", planner(lambda it, seen, belief, goal: (goal, None)), "belief", "('Tensor', 'NoneType')"),
-    ("negative std", planner(lambda it, seen, belief, goal: (goal, Belief(goal, goal, -0.5 + 0 * goal))),
-     "belief", "a negative std, -0.5"),
-    ("one std", planner(lambda it, seen, belief, goal: (goal, replace(certain(goal), std=goal[:, 0]))),
-     "belief", "whose std is (4,)"),
-    ("a goal a robot", planner(lambda it, seen, belief, goal: (goal[:, None] + seen.team_poses[..., :2],
-     certain(goal))), "shape", "shape (4, 2, 2), not (4, 2)"),
+     "returned Tensor, not a Decision"),
+    ("as before", planner(lambda it, seen, belief, goal: (goal, certain(goal))), "belief",
+     "returned tuple, not a Decision"),
+    ("negative std", planner(lambda it, seen, belief, goal: Decision(
+     goal, Belief(goal, goal, goal * 0 - 0.5))), "belief", "a negative std, -0.5"),
+    ("one std", planner(lambda it, seen, belief, goal: Decision(
+     goal, replace(certain(goal), std=goal[:, 0]))), "belief", "whose std is (4,)"),
+    ("a goal a robot", planner(lambda it, seen, belief, goal: Decision(
+     goal[:, None] + seen.team_poses[..., :2], certain(goal))), "shape", "shape (4, 2, 2), not (4, 2)"),
     ("double", sure(lambda it, seen, belief, goal: goal.double()), "dtype", "torch.float64"),
     ("not a number", sure(lambda it, seen, belief, goal: goal / 0.0 - goal / 0.0), "not-finite", "8 of 8"),
     ("millimetres", sure(lambda it, seen, belief, goal: 1000 * seen.pose[:, :2].clone()), "goal-outside",

@@ -23,22 +23,37 @@ def off_centre(poses):
 
 
 class Meet(Task):
-    """Everybody within a metre of the centre, at rest."""
+    """All within a metre of the centre, at rest."""
 
     radius = 1.0
 
     def reward(self, poses):
         return -off_centre(poses)
 
-    def met(self, poses):
-        return off_centre(poses) < 1.0
-
-    def done(self, poses, velocities):
-        return self.met(poses) & (relative_speed(poses, velocities) < 0.1)
+    def success(self, poses, velocities=None):
+        near = off_centre(poses) < 1.0
+        return near if velocities is None else near & (relative_speed(poses, velocities) < 0.1)
 
 
 def task(**members):
     return type("Changed", (Meet,), members)()
+
+
+def success(answer):
+    """Return a task whose success is a function of (poses, velocities)."""
+    return task(success=lambda self, poses, velocities=None: answer(poses, velocities))
+
+
+def at_rest(poses, velocities):
+    """Return whether nobody moves, wherever the team is."""
+    if velocities is None:
+        return off_centre(poses) < 1.0
+    return velocities.abs().amax((-1, -2)) < 0.1
+
+
+def contact_only(poses, velocities):
+    near = off_centre(poses) < 1.0
+    return near if velocities is None else torch.zeros_like(near)
 
 
 def reward(change):
@@ -92,8 +107,8 @@ TASKS = [
     ("two dimensions alone", reward(lambda poses, value: -poses[:, 0, :2].norm(dim=-1)), "shape",
      "reward() of poses (2, 2, 3, 2, 3)"),
     ("double", reward(lambda poses, value: value.double()), "dtype", "reward() has type torch.float64"),
-    ("met in numbers", task(met=lambda self, poses: off_centre(poses)), "dtype",
-     "met() has type torch.float32"),
+    ("contact in numbers", success(lambda poses, velocities: off_centre(poses)), "dtype",
+     "success(poses) has type torch.float32"),
     ("logarithm", reward(lambda poses, value: -(-value).log()), "not-finite", "with all robots in one place"),
     ("moves the poses", reward(shifts), "mutates-input", "reward() changed what it was given"),
     ("best so far", Record(), "not-repeatable", "reward() answers the same question otherwise"),
@@ -103,23 +118,25 @@ TASKS = [
      "reward() answers"),
     ("the same for all", reward(lambda poses, value: torch.zeros_like(value)), "reward-constant",
      "is 0 for each of 1024"),
-    ("the wrong sign", reward(lambda poses, value: -value), "reward-misleads", "where met() is false"),
+    ("the wrong sign", reward(lambda poses, value: -value), "reward-misleads", "where success() is false"),
     ("another objective", reward(lambda poses, value: -(off_centre(poses) - 4).abs()), "reward-misleads",
      "leads to"),
-    ("done anywhere", task(done=lambda self, poses, velocities: velocities.abs().amax((-1, -2)) < 0.1),
-     "done-unmet", "team poses that are not met"),
-    ("never done", task(done=lambda self, poses, velocities: torch.zeros(poses.shape[:-2], dtype=torch.bool)),
-     "never-done", "met team poses at rest"),
-    ("done at speed", task(done=lambda self, poses, velocities: self.met(poses)), "done-driving",
-     "met team poses at 1 to 2 m/s"),
+    ("success anywhere", success(at_rest), "success-without-contact", "holds at rest for"),
+    ("no success", success(contact_only), "never-succeeds", "is false at rest for all of"),
+    ("success at speed", success(lambda poses, velocities: off_centre(poses) < 1.0), "success-driving",
+     "fulfilled team poses at 1 to 2 m/s"),
     ("angles not wrapped", reward(facing), "heading-wrap", "when robot 0's heading is turned by 2 pi"),
     ("headings needed", reward(cosine), "nan-heading", "is NaN for 64 of 64 poses without headings"),
     ("a reward a time", task(trajectory_reward=lambda self, poses: self.reward(poses)), "shape",
      "trajectory_reward() has shape (4, 5), not (4,)"),
-    ("places of all alike", task(places=lambda self, goals, poses: goals), "shape",
-     "places() has shape (4, 2)"),
-    ("done raises", task(done=lambda self, poses, velocities: velocities[:, 7]), "raises",
-     "done() raised IndexError"),
+    ("targets of all alike", task(targets=lambda self, goals, poses: goals), "shape",
+     "targets() has shape (4, 2)"),
+    ("targets without headings", task(targets=lambda self, goals, poses: poses[..., :2]), "shape",
+     "not (4, 2, 3), (episodes, robots, [x, y, heading])"),
+    ("targets nowhere", task(targets=lambda self, goals, poses: poses + torch.nan), "not-finite",
+     "targets()"),
+    ("success raises", success(lambda poses, velocities: poses[:, 7, 0] > 0), "raises",
+     "success(poses) raised IndexError"),
     ("wants every team", refuses, "build", "refuses every team that was tried: for six robots and more"),
     ("no robots asked for", lambda: Meet(), "signature",
      "does not take (robots: Sequence[RobotSpec]) -> Task"),
@@ -192,8 +209,20 @@ def test_the_unbroken_task_is_fine(plugin):
     check_task(plugin)
 
 
-def test_a_task_in_motion_may_be_done_at_speed():
-    check_task(task(done=lambda self, poses, velocities: self.met(poses), halts=False))
+def test_a_task_in_motion_may_succeed_at_speed():
+    check_task(task(success=lambda self, poses, velocities=None: off_centre(poses) < 1.0, halts=False))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("met", r"success\(poses\)"), ("done", r"success\(poses, velocities\)"), ("places", "targets"),
+        ("parking", "targets"), ("stances", "targets"), ("settling", r"terminal\(poses\)"),
+    ],
+)  # fmt: skip
+def test_members_of_earlier_versions_are_named(old, new):
+    with pytest.raises(ConfigError, match=f"task Changed: '{old}' is now {new}"):
+        task(**{old: lambda self, poses: poses})
 
 
 def test_a_task_may_ask_for_more_robots():

@@ -9,11 +9,12 @@ from dataclasses import replace
 import pytest
 
 from hpp_framework.cli.main import main
-from hpp_framework.config.planner_choice import make_planner, parameters, parse_planner
+from hpp_framework.config.planner_choice import make_planner, make_policy, parameters, parse_planner
 from hpp_framework.config.settings import altered, parse_settings, setting
 from hpp_framework.core.planner import MetaPlanner, PlannerContext
 from hpp_framework.evaluation.experiment import Experiment, read_experiment, run_experiment
 from hpp_framework.planning.hpp.planner import HppConfig
+from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError
 
@@ -68,12 +69,17 @@ def test_a_planner_may_have_a_preset_of_its_own():
     assert parse_planner("hpp:preset=paper:horizon=2").settings == {"horizon": 2}
 
 
-def test_a_planner_may_drive_without_a_guard():
-    assert parse_planner("hpp").guard
-    assert not parse_planner("centralized-mp:guard=false").guard
-    assert parse_planner("centralized-mp:guard=false").settings == {}
-    with pytest.raises(ConfigError, match="guard must be true or false, got 'maybe'"):
-        parse_planner("hpp:guard=maybe")
+@pytest.mark.parametrize("moved", ["guard", "guide"])
+def test_settings_that_are_control_layers_now_are_named(moved):
+    with pytest.raises(ConfigError, match=f"'{moved}' is no setting of a planner any more.*--control"):
+        parse_planner(f"centralized-mp:{moved}=false")
+
+
+def test_policies_are_named_like_planners(context, register):
+    assert parse_planner("maddpg").is_policy
+    assert not parse_planner("hpp").is_policy
+    with pytest.raises(ConfigError, match="'maddpg' has no settings"):
+        make_policy("maddpg:keep=1", replace(context, team=parse_team("fetch,freight")))
 
 
 def test_settings_of_a_planner_without_parameters_are_refused(context, tmp_path):

@@ -7,7 +7,7 @@ import torch
 
 from hpp_framework.planning.hpp.cem import CemConfig, cross_entropy
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.seeding import torch_rng
+from hpp_framework.utils.seeding import EpisodeRng
 
 TARGET = torch.tensor([[1.0, -2.0], [3.0, 0.5]])
 
@@ -21,7 +21,7 @@ def search(seed=0, objective=bowl, rows=2, **config):
         objective,
         torch.zeros(rows, 2),
         torch.full((rows, 2), 2.0),
-        torch_rng(seed, "cem"),
+        EpisodeRng(range(rows * seed, rows * (seed + 1))),
         CemConfig(**config),
     )
 
@@ -55,7 +55,7 @@ def test_stops_once_certain():
     assert len(calls) < 200
     before = len(calls)
     cross_entropy(
-        counting, torch.zeros(2, 2), torch.full((2, 2), 1e-4), torch_rng(0, "x"), CemConfig(epsilon=1e-3)
+        counting, torch.zeros(2, 2), torch.full((2, 2), 1e-4), EpisodeRng([0, 1]), CemConfig(epsilon=1e-3)
     )
     assert len(calls) == before  # certain from the start: nothing to search
 
@@ -63,9 +63,18 @@ def test_stops_once_certain():
 def test_converged_rows_stay_put():
     mean = torch.tensor([[5.0, 5.0], [0.0, 0.0]])
     std = torch.tensor([[1e-5, 1e-5], [2.0, 2.0]])
-    found = cross_entropy(bowl, mean, std, torch_rng(0, "x"), CemConfig(iterations=3))
+    found = cross_entropy(bowl, mean, std, EpisodeRng([0, 1]), CemConfig(iterations=3))
     assert torch.equal(found.mean[0], mean[0])
     assert not torch.equal(found.mean[1], mean[1])
+
+
+def test_a_row_alone_finds_the_same():
+    together = search(objective=bowl, iterations=5)
+    alone = cross_entropy(
+        lambda samples: -(samples - TARGET[1:, None]).square().sum(-1), torch.zeros(1, 2),
+        torch.full((1, 2), 2.0), EpisodeRng([1]), CemConfig(iterations=5),
+    )  # fmt: skip
+    assert torch.equal(alone.mean[0], together.mean[1])
 
 
 @pytest.mark.parametrize("bad", [{"iterations": 0}, {"elites": 0}, {"elites": 16}, {"epsilon": -1.0}])

@@ -17,7 +17,7 @@ from hpp_framework.core.skill import Skill
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, State
 from hpp_framework.core.world import Box, Cylinder, World
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
@@ -40,14 +40,11 @@ def drive(
     """Return the states after every step; ``legs`` are goals (b, 2) and how many steps they hold."""
     states: list[State] = []
     with BatchSimulator([robot], threads=1) as simulator:
-        state = simulator.reset([world] * len(poses), poses[:, None])
-        sensing = Sensing([robot], noise or NoiseModel(), torch.Generator().manual_seed(1))
-        sensing.reset(state)
+        batch = EpisodeBatch(simulator, noise=noise)
+        batch.begin([world] * len(poses), poses[:, None], range(len(poses)))
         for goal, steps in legs:
             for _ in range(steps):
-                state = simulator.step(skill.act(sensing.observe(0), goal)[:, None])
-                sensing.update(state)
-                states.append(state)
+                states.append(batch.step(skill.act(batch.observe(0), goal)[:, None]))
     return states
 
 

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.build import make_skills, parse_team
 from hpp_framework.prediction.empty_world import EmptyWorld, observed_velocities
 from hpp_framework.sim.batch.simulator import BatchSimulator
 
 
 def drive(team, world, goals, steps):
-    """Drive a team for some steps; returns observations and everybody's poses, step by step."""
-    simulator = BatchSimulator(team.robots, threads=1)
+    """Drive a team for some steps; returns observations and the poses of all, step by step."""
+    batch = EpisodeBatch(BatchSimulator(team.robots, threads=1))
     starts = torch.tensor([[[-4.0, 0.0, 0.5], [4.0, 1.0, 2.0]], [[-3.0, 2.0, -1.0], [3.0, -4.0, 0.0]]])
-    state = simulator.reset([world, world], starts)
-    sensing = Sensing(team.robots, NoiseModel(), torch.Generator())
-    sensing.reset(state)
+    batch.begin([world, world], starts, range(2))
     skills = make_skills(team)
     seen, poses = [], []
     for _ in range(steps):
-        seen.append([sensing.observe(i) for i in range(len(team))])
-        state = simulator.step(
-            torch.stack([s.act(o, goals) for s, o in zip(skills, seen[-1], strict=True)], 1)
-        )
-        sensing.update(state)
-        poses.append(state.poses)
+        seen.append([batch.observe(i) for i in range(len(team))])
+        commands = [skill.act(own, goals) for skill, own in zip(skills, seen[-1], strict=True)]
+        poses.append(batch.step(torch.stack(commands, 1)).poses)
     return seen, poses
 
 

@@ -11,14 +11,14 @@ import pytest
 import torch
 from rich.console import Console
 
+from hpp_framework.agents.build import AgentConfig, build_agents
 from hpp_framework.cli.evaluate_tables import aggregate_table, summary_table
 from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_experiment
-from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.rows import to_rows
 from hpp_framework.evaluation.summary import Results, summarise
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
-from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.utils.seeding import EpisodeRng, child_seed
 from hpp_framework.worlds.loader import resolve_world
 
 SMALL = Experiment(
@@ -102,15 +102,12 @@ def test_results_are_written_for_marl_eval(tmp_path):
             assert np.mean(values) == pytest.approx(cell[metric], abs=1e-4)
 
 
-def test_without_a_bound_nothing_is_said_of_rpl_not_even_of_failures():
+def test_without_a_bound_nothing_is_said_of_rpl_not_even_of_failures(play):
     team = parse_team("fetch,freight")
     task = hub().tasks.create("rendezvous", team.robots)
     world, start = draw_episode(SMALL, "simple", resolve_world("simple"), 0)
     # one step is too short to meet
-    episodes = run_episodes(
-        BatchSimulator(team.robots), [world], torch.from_numpy(start).float()[None],
-        build_agents(team, "centralized-mp", task), task, steps=1,
-    )  # fmt: skip
+    episodes = play(team, task, [world], torch.from_numpy(start).float()[None], steps=1)
     rows = [
         *to_rows("simple", "centralized-mp", [0], episodes, np.array([np.nan])),
         *to_rows("wall", "centralized-mp", [0], episodes, np.array([4.0])),
@@ -141,7 +138,7 @@ def test_episodes_are_paired_across_planners():
     assert np.linalg.norm(start[0, :2] - start[1, :2]) == pytest.approx(5.0)
 
 
-def test_one_agent_alone_and_three_together():
+def test_one_agent_alone_and_three_together(play):
     """Team size is not built in anywhere."""
     for text in ("fetch", "fetch,freight,fetch"):
         team = parse_team(text)
@@ -152,10 +149,7 @@ def test_one_agent_alone_and_three_together():
             resolve_world("simple"),
             0,
         )
-        episodes = run_episodes(
-            BatchSimulator(team.robots), [world], torch.from_numpy(start).float()[None],
-            build_agents(team, "centralized-mp", task), task, steps=10,
-        )  # fmt: skip
+        episodes = play(team, task, [world], torch.from_numpy(start).float()[None], steps=10)
         assert episodes.poses.shape[2] == len(team)
 
 
@@ -164,53 +158,29 @@ def test_success_needs_rest():
     team = parse_team("fetch,freight")
     task = hub().tasks.create("rendezvous", team.robots)
     poses = torch.tensor([[[0.0, 0.0, 0.0], [0.8, 0.0, 0.0]]])
-    assert bool(task.met(poses)[0])
-    assert not bool(task.done(poses, torch.tensor([[[0.5, 0.0], [0.0, 0.0]]]))[0])
-    assert bool(task.done(poses, torch.tensor([[[0.5, 0.0], [0.5, 0.0]]]))[0])
+    assert bool(task.success(poses)[0])
+    assert not bool(task.success(poses, torch.tensor([[[0.5, 0.0], [0.0, 0.0]]]))[0])
+    assert bool(task.success(poses, torch.tensor([[[0.5, 0.0], [0.5, 0.0]]]))[0])
 
 
-def test_agents_brake_in_time_to_rest_together():
-    """Two robots that rush at each other begin to brake before they are close."""
-    from hpp_framework.control.stop_on_success import Rest
-    from hpp_framework.core.types import Observation
-
-    team = parse_team("fetch,freight")
-    rest = Rest(hub().tasks.create("rendezvous", team.robots), team.robots)
-
-    def seen(gap, speed, aside=0.0, turn=0.0):
-        poses = torch.zeros(1, 5, 2, 3)
-        steps = torch.arange(-4, 1) * 0.2 * speed
-        poses[0, :, 0, 0], poses[0, :, 1, 0] = steps, gap - steps
-        poses[0, :, 0, 2], poses[0, :, 1, 2] = aside, torch.pi + aside
-        return Observation(0, poses, torch.ones(1, 5, 222), torch.tensor([[speed, turn]]))
-
-    assert not bool(rest(seen(4.0, 1.0)))
-    assert bool(rest(seen(3.0, 1.0)))
-    assert not bool(rest(seen(2.5, 0.2)))
-    assert bool(rest(seen(0.9, 0.0)))
-    # headed away from each other, unless the first turns back in time
-    assert not bool(rest(seen(2.0, 1.0, aside=0.9)))
-    assert bool(rest(seen(2.0, 1.0, aside=0.9, turn=-1.63)))
-
-
-def test_timing_plans_from_beliefs_and_leaves_agents_alone():
+def test_timing_plans_from_beliefs_and_leaves_agents_alone(play):
     """What a plan costs includes what a belief adds to it; agents start their episode as if never timed."""
     team = parse_team("fetch,freight")
     task = hub().tasks.create("rendezvous", team.robots)
-    agents = build_agents(team, "centralized-rp", task)
+    agents = build_agents(team, task, AgentConfig(planner="centralized-rp"), (-10, -10, 10, 10))
     world, start = draw_episode(SMALL, "simple", resolve_world("simple"), 0)
-    calls: list[tuple[bool, int]] = []
+    calls: list[tuple[bool, EpisodeRng]] = []
     plan = agents[0].planner.plan
 
     def watched(observation, belief, rng):
-        calls.append((belief is None, rng.initial_seed()))
+        calls.append((belief is None, rng))
         return plan(observation, belief, rng)
 
     agents[0].planner.plan = watched
-    own = agents[0].rng.initial_seed()
-    episodes = run_episodes(
-        BatchSimulator(team.robots), [world], torch.from_numpy(start).float()[None], agents, task, steps=1
-    )
-    timed = [first for first, seed in calls if seed != own]
+    episodes = play(team, task, [world], torch.from_numpy(start).float()[None], agents, steps=1)
+    timed = [first for first, rng in calls if rng is not agents[0].rng]
     assert timed == [True] + [False] * (len(episodes.plan_seconds) // 2)
-    assert [first for first, seed in calls if seed == own] == [True]
+    assert [first for first, rng in calls if rng is agents[0].rng] == [True]
+    untouched = EpisodeRng([child_seed(0, "agents")])
+    untouched.uniform(2)  # the point that the one plan drew
+    assert torch.equal(agents[0].rng.uniform(), untouched.uniform())

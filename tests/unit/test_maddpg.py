@@ -9,8 +9,9 @@ import pytest
 import torch
 from torch import nn
 
-from hpp_framework.agents.hierarchical import Agent
+from hpp_framework.agents.policy import PolicyAgent
 from hpp_framework.cli.main import main
+from hpp_framework.core.control import ControlStack
 from hpp_framework.core.planner import PlannerContext
 from hpp_framework.core.types import Observation
 from hpp_framework.planning.baselines.maddpg import (
@@ -21,7 +22,7 @@ from hpp_framework.planning.baselines.maddpg import (
     features,
     file_name,
 )
-from hpp_framework.plugins.build import make_skills, parse_team
+from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
 from hpp_framework.training.maddpg.learner import Learner, MaddpgConfig, Replay, Transitions
@@ -190,19 +191,19 @@ def test_features_are_seen_from_the_robot(team):
 def test_a_robot_keeps_its_actor_whatever_the_teams_order(team):
     actors = empty_actors(team.robots, torch_rng(0, "actors"))
     here, there = [0.0, 0.0, 0.3], [2.0, 1.0, 1.0]
-    first = MaddpgPolicy(actors, team.robots, 0).command(observation(0, [here, there]))
-    swapped = MaddpgPolicy(actors, team.robots[::-1], 1).command(observation(1, [there, here]))
+    first = MaddpgPolicy(actors, team.robots, 0).act(observation(0, [here, there]))
+    swapped = MaddpgPolicy(actors, team.robots[::-1], 1).act(observation(1, [there, here]))
     assert torch.equal(first, swapped)
-    assert not torch.equal(first, MaddpgPolicy(actors, team.robots, 1).command(observation(1, [there, here])))
+    assert not torch.equal(first, MaddpgPolicy(actors, team.robots, 1).act(observation(1, [there, here])))
 
 
 def test_a_policy_drives_itself_and_points_where_it_goes(team):
     actors = empty_actors(team.robots, torch_rng(0, "actors"))
     policy = MaddpgPolicy(actors, team.robots, 0)
-    agent = Agent(make_skills(team)[0], policy, None, torch_rng(0, "none"))
+    agent = PolicyAgent(policy, ControlStack())
     seen = observation(0, [[1.0, 2.0, 0.5], [4.0, 4.0, 0.0]])
-    speed, turn = policy.command(seen)[0]
-    assert torch.equal(agent.act(seen), policy.command(seen))
+    speed, turn = policy.act(seen)[0]
+    assert torch.equal(agent.act(seen), policy.act(seen))
     # one second along the arc, in small steps
     time = (torch.arange(2000) + 0.5) / 2000
     heading = 0.5 + turn * time
@@ -216,15 +217,15 @@ def test_weights_fit_their_team_and_task_only(team, tmp_path):
     file = tmp_path / "maddpg" / f"{file_name(team.robots)}.safetensors"
     save_checkpoint(file, actors.state_dict(), expected_metadata(team.robots, task))
     context = PlannerContext(team=team, agent=0, task=task, weights=(tmp_path,))
-    assert torch.equal(hub().planners.create("maddpg", context).actors.weights[0], actors.weights[0])
+    assert torch.equal(hub().policies.create("maddpg", context).actors.weights[0], actors.weights[0])
     task.radius = 2.0
     with pytest.raises(CheckpointError, match="radius"):
-        hub().planners.create("maddpg", context)
+        hub().policies.create("maddpg", context)
     trio = parse_team("fetch,freight,fetch", skill="pure-pursuit")
     with pytest.raises(CheckpointError, match="hpp train maddpg --team fetch,freight,fetch"):
-        hub().planners.create("maddpg", replace(context, team=trio))
+        hub().policies.create("maddpg", replace(context, team=trio))
     with pytest.raises(ConfigError, match="two and more robots"):
-        hub().planners.create("maddpg", replace(context, team=parse_team("fetch")))
+        hub().policies.create("maddpg", replace(context, team=parse_team("fetch")))
 
 
 def test_finished_seeds_are_kept_and_the_best_one_chosen(team, tmp_path):
@@ -262,24 +263,23 @@ def test_the_weights_judged_best_are_kept(team, tmp_path, monkeypatch):
     assert torch.equal(weights["weights.0"], learner.actors.weights[0])
 
 
-def test_agents_practise_with_rest_and_guard_when_asked(team):
-    """A team that stands together rests whatever it wants to do; without rest it drives off."""
+def test_agents_practise_with_the_control_stack_that_they_are_judged_with(team):
+    """A team that stands together stops on success whatever it wants to do; without layers it drives off."""
     task = hub().tasks.create("rendezvous", team.robots)
     moved = {}
-    for rest, guard in ((True, False), (True, True), (False, False)):
-        rooms = Rooms(world="simple", count=1, episodes=2, steps=3, rest=rest, guard=guard)
+    for control in ("stop-on-success:beyond=0", "stop-on-success:beyond=0,safety-filter", "none"):
+        rooms = Rooms(world="simple", count=1, episodes=2, steps=3, control=control)
         practice = Practice(team.robots, task, rooms, 0)
-        practice.begin()
         together = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.8, 0.0]]).expand(2, 2, 3)
         everyone = torch.ones(2, 2, dtype=torch.bool)
-        practice._sensing.reset(
-            practice._simulator.place(torch.zeros(2, dtype=torch.int32), everyone, together)
+        practice._batch.start(
+            practice._simulator.place(torch.zeros(2, dtype=torch.int32), everyone, together), range(2)
         )
         seen, reward = practice.step(torch.ones(2, 2, 2))
-        moved[rest, guard] = float(seen[..., 0].max())
+        moved[control] = float(seen[..., 0].max())
         assert bool((reward == 0).all())
-    assert moved[True, False] == moved[True, True] == 0
-    assert moved[False, False] > 0.05
+    assert moved.pop("none") > 0.05
+    assert set(moved.values()) == {0.0}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.agents.hierarchical import HierarchicalAgent
+from hpp_framework.core.control import ControlStack
 from hpp_framework.core.option import Option, anywhere, arrived
 from hpp_framework.core.planner import PlannerContext
 from hpp_framework.core.predictor import Predictor
@@ -16,14 +17,15 @@ from hpp_framework.core.skill import Skill
 from hpp_framework.core.types import Trajectories
 from hpp_framework.core.world import Box, World
 from hpp_framework.envs import HierarchyConfig, RendezvousEnv
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.perception.visibility import clear_way
 from hpp_framework.planning.hpp.lattice import LatticePlanner
 from hpp_framework.planning.options import OptionsConfig, OptionsPlanner, OwnMotion, score_of
 from hpp_framework.plugins.build import make_option, parse_team
 from hpp_framework.plugins.registry import hub
-from hpp_framework.sim import make_simulator
+from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError, SimulatorError, UnknownNameError
+from hpp_framework.utils.seeding import EpisodeRng
 
 
 class Constant(Skill):
@@ -51,11 +53,10 @@ class Straight(Predictor):
 
 
 def observe(robots, world, poses):
-    with make_simulator("batch", robots) as simulator:
-        state = simulator.reset([world] * len(poses), torch.tensor(poses))
-    sensing = Sensing(robots, NoiseModel(), torch.Generator(), keyframes=0)
-    sensing.reset(state)
-    return sensing.observe(0)
+    with BatchSimulator(robots) as simulator:
+        batch = EpisodeBatch(simulator, keyframes=0)
+        batch.begin([world] * len(poses), torch.tensor(poses), range(len(poses)))
+        return batch.observe(0)
 
 
 def test_an_option_is_over_at_its_goal_or_when_its_budget_is_spent(fetch, empty_world):
@@ -116,8 +117,10 @@ def never(observation, goal):
 def test_the_pair_that_scores_best_among_those_that_may_start_drives(pair, empty_world, starts, speed):
     seen = observe(pair, empty_world, [[[-3.0, 0, 0], [3.0, 1, 3]]] * 2)
     planner = chooser(pair, starts)
-    goal, belief = planner.plan(seen, None, torch.Generator())
-    assert planner.act(seen, goal)[:, 0].tolist() == pytest.approx([speed, speed])
+    agent = HierarchicalAgent(planner, Constant(9.0), ControlStack(), 0)
+    agent.reset([0, 1])
+    assert agent.act(seen)[:, 0].tolist() == pytest.approx([speed, speed])
+    belief = agent.belief
     best = score_of(belief.parts[1]) - score_of(belief.parts[0])
     assert bool((best > 0).all())
 
@@ -125,11 +128,11 @@ def test_the_pair_that_scores_best_among_those_that_may_start_drives(pair, empty
 def test_a_skill_is_kept_until_another_is_clearly_better_or_its_budget_is_spent(pair, empty_world):
     seen = observe(pair, empty_world, [[[-3.0, 0, 0], [3.0, 1, 3]]])
     planner = chooser(pair, (anywhere, anywhere), keep=100.0, budget=10)
-    _, belief = planner.plan(seen, None, torch.Generator())
+    belief = planner.plan(seen, None, EpisodeRng([0])).belief
     slow = replace(belief, choice=torch.tensor([0]), steps=torch.tensor([0]))
     chosen = []
     for _ in range(2):
-        _, slow = planner.plan(seen, slow, torch.Generator())
+        slow = planner.plan(seen, slow, EpisodeRng([0])).belief
         chosen.append(int(slow.choice))
     assert chosen == [0, 1]  # 5 steps are within the budget, 10 are not
     assert int(slow.steps) == 0
@@ -143,7 +146,7 @@ def test_the_registered_planner_drives_blindly_only_where_it_sees_the_way(pair):
     planner = hub().planners.create("hpp-options", context)
     wall = World(name="wall", bounds=(-6, -6, 6, 6), boxes=(Box(center=(0.0, 0.0), size=(0.6, 8.0)),))
     seen = observe(pair, wall, [[[-2.0, 0, 0], [2.0, 0, 3.1]]])
-    _, belief = planner.plan(seen, None, torch.Generator())
+    belief = planner.plan(seen, None, EpisodeRng([0])).belief
     assert planner.options[int(belief.choice)].name == "p2p"
     assert [option.name for option in planner.options] == ["p2p", "pure-pursuit"]
     with pytest.raises(ConfigError, match="every skill needs a predictor"):

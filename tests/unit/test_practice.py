@@ -102,7 +102,7 @@ def test_disturbances_are_a_share_of_the_strongest_anew_in_each_world(pool):
     env = practise(pool, strong, count=256)
     true = env.tasks.straight(env.simulator.state().poses).flatten().numpy()
     error = np.abs(env.reset(seed=0)[0]["goal"][:, 0] - true)
-    strength = env._sensing.intensity.numpy()
+    strength = env._batch.sensing.intensity.numpy()
     assert strength.min() < 0.1
     assert strength.max() > 0.9
     assert error[strength < 0.1].mean() < error[strength > 0.7].mean() / 3

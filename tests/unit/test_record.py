@@ -13,10 +13,8 @@ import torch
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.evaluation.recorder import Recorder
-from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
-from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.viz import record_file
 from hpp_framework.viz.record_file import FILE, GRAIN, load_record, save_record
@@ -28,15 +26,14 @@ ABOUT = {
 }  # fmt: skip
 
 
-def recorded(world, planner="hpp", index=0, steps=12, preset="best"):
+def recorded(play, world, planner="hpp", index=0, steps=12):
     """Run two episodes side by side and return the record of one, and what happened in both."""
     team = parse_team("fetch,freight")
     task = hub().tasks.create("rendezvous", team.robots)
-    agents = build_agents(team, planner, task, preset=preset, bounds=world.bounds)
     recorder = Recorder(index=index)
-    episodes = run_episodes(
-        BatchSimulator(team.robots), [world, world], STARTS, agents, task, steps=steps,
-        noise=NoiseModel(position_std=0.05), watch=recorder,
+    episodes = play(
+        team, task, [world, world], STARTS, planner, steps=steps, noise=NoiseModel(position_std=0.05),
+        watch=recorder,
     )  # fmt: skip
     return recorder.record(
         {**ABOUT, "planner": planner}, world, team, episodes, period=CONTROL_PERIOD
@@ -44,8 +41,8 @@ def recorded(world, planner="hpp", index=0, steps=12, preset="best"):
 
 
 @pytest.fixture(scope="module")
-def record(small_world):
-    return recorded(small_world)[0]
+def record(play, small_world):
+    return recorded(play, small_world)[0]
 
 
 def same(a, b):
@@ -53,8 +50,8 @@ def same(a, b):
     np.testing.assert_allclose(a, b, atol=0.6 / GRAIN)
 
 
-def test_a_record_holds_the_episode(small_world):
-    record, episodes = recorded(small_world, index=0)
+def test_a_record_holds_the_episode(play, small_world):
+    record, episodes = recorded(play, small_world, index=0)
     same(record.poses, episodes.poses[0].numpy())
     for i, agent in enumerate(record.agents):
         same(agent.goals[:-1], episodes.goals[0, :, i].numpy())
@@ -69,8 +66,8 @@ def test_a_record_holds_the_episode(small_world):
         assert 0 < np.abs(agent.seen[:, :, :2] - record.poses[:, :, :2]).max() < 0.5
 
 
-def test_an_episode_of_a_batch_ends_where_it_ended(small_world):
-    record, episodes = recorded(small_world, index=1)
+def test_an_episode_of_a_batch_ends_where_it_ended(play, small_world):
+    record, episodes = recorded(play, small_world, index=1)
     last = int(episodes.last_step()[1])
     assert record.about["success"]
     assert last < episodes.poses.shape[1] - 1
@@ -80,8 +77,8 @@ def test_an_episode_of_a_batch_ends_where_it_ended(small_world):
     assert all(plan.step <= last for agent in record.agents for plan in agent.plans)
 
 
-def test_planners_that_imagine_nothing_are_recorded_too(small_world):
-    record, _ = recorded(small_world, planner="centralized-mp")
+def test_planners_that_imagine_nothing_are_recorded_too(play, small_world):
+    record, _ = recorded(play, small_world, planner="centralized-mp")
     plan = record.agents[0].plans[0]
     assert plan.candidates.shape == (0, 2)
     assert plan.chosen() is None

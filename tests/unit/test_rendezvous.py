@@ -34,12 +34,12 @@ def test_zero_within_the_radius_of_the_centre():
     task = Rendezvous(1.0)
     # centre at (0.75, 0): both 0.75 from it, though 1.5 from each other
     assert task.reward(team((0, 0), (1.5, 0))).tolist() == [0.0]
-    assert task.met(team((0, 0), (1.5, 0))).tolist() == [True]
+    assert task.success(team((0, 0), (1.5, 0))).tolist() == [True]
 
 
 def test_exactly_the_radius_is_not_within_it():
     # Eq. 1 says "less than d"
-    assert Rendezvous(1.0).met(team((0, 0), (2, 0))).tolist() == [False]
+    assert Rendezvous(1.0).success(team((0, 0), (2, 0))).tolist() == [False]
     assert Rendezvous(1.0).reward(team((0, 0), (2, 0))).tolist() == [-4.0]
 
 
@@ -95,7 +95,7 @@ def test_the_largest_footprint_counts(fetch):
 
 def test_one_robot_has_always_met(fetch):
     task = rendezvous([fetch])
-    assert task.met(team((7, -2))).tolist() == [True]
+    assert task.success(team((7, -2))).tolist() == [True]
 
 
 @pytest.mark.parametrize(
@@ -109,15 +109,15 @@ def test_one_robot_has_always_met(fetch):
         ((0.0, math.pi / 2), (0.08, 0.08), False),  # at right angles: 0.113 m/s
     ],
 )
-def test_done_asks_for_little_relative_speed(headings, speeds, done):
+def test_success_asks_for_little_relative_speed(headings, speeds, done):
     poses = team((0, 0), (0.5, 0))
     poses[0, :, 2] = torch.tensor(headings)
     velocities = torch.tensor([[(speed, 2.0) for speed in speeds]])
-    assert Rendezvous(0.5).done(poses, velocities).tolist() == [done]
+    assert Rendezvous(0.5).success(poses, velocities).tolist() == [done]
 
 
-def test_done_asks_for_the_meeting_too():
-    assert Rendezvous(0.5).done(team((0, 0), (5, 0)), torch.zeros(1, 2, 2)).tolist() == [False]
+def test_success_asks_for_the_meeting_too():
+    assert Rendezvous(0.5).success(team((0, 0), (5, 0)), torch.zeros(1, 2, 2)).tolist() == [False]
 
 
 def test_success_is_sustained_for_five_steps(pair):

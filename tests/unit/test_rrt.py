@@ -10,12 +10,10 @@ import pytest
 import torch
 
 from hpp_framework.config.planner_choice import make_planner
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.planner import PlannerContext
 from hpp_framework.core.robot import Lidar
 from hpp_framework.core.world import Box, World
-from hpp_framework.evaluation.rollout import build_agents, run_episodes
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.planning.baselines.rrt import ALGORITHMS, TreeConfig, find_path, grow_tree
 from hpp_framework.planning.baselines.rrt_cem import RrtCemConfig
 from hpp_framework.planning.baselines.rrt_map import Room, room_for, seen_points, seen_spaces
@@ -26,6 +24,7 @@ from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError, HppError
+from hpp_framework.utils.seeding import EpisodeRng
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
 
 WEST, EAST = np.array([-3.0, 0.0]), np.array([3.0, 0.0])
@@ -121,12 +120,11 @@ WORLD = World(name="one-wall", bounds=BOUNDS, boxes=(Box(center=(0.0, 0.0), size
 
 
 def sensed(team, world=WORLD, starts=((-2.5, 0.0, 0.0), (2.5, 0.0, 3.14)), steps=2):
-    simulator = BatchSimulator(team.robots, threads=1)
-    sensing = Sensing(team.robots, NoiseModel(), torch.Generator())
-    sensing.reset(simulator.reset([world] * 2, torch.tensor([starts] * 2)))
+    batch = EpisodeBatch(BatchSimulator(team.robots, threads=1))
+    batch.begin([world] * 2, torch.tensor([starts] * 2), range(2))
     for _ in range(steps):
-        sensing.update(simulator.step(torch.zeros(2, len(team), 2)))
-    return sensing
+        batch.step(torch.zeros(2, len(team), 2))
+    return batch
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +138,7 @@ def make(team, text, agent=0, preset="best"):
 
 
 def rng(seed=0):
-    return torch.Generator().manual_seed(seed)
+    return EpisodeRng([seed, seed + 1])
 
 
 def test_the_map_of_the_lidar_agrees_with_the_world_where_it_looked(team):
@@ -164,32 +162,32 @@ def test_other_robots_are_no_obstacles(team):
 def test_paths_avoid_what_was_seen(team, text):
     observation = sensed(team).observe(0)
     planner = make(team, text)
-    goal, belief = planner.plan(observation, None, rng())
+    decision = planner.plan(observation, None, rng())
     room = room_for(planner.spaces(observation)[0], team.robots[0].footprint_radius)
-    assert room.fits(belief.path[0].double().numpy()).all()
-    away = (goal - observation.pose[:, :2]).norm(dim=-1)
+    assert room.fits(decision.belief.path[0].double().numpy()).all()
+    away = (decision.goal - observation.pose[:, :2]).norm(dim=-1)
     assert (away < planner.config.look_ahead + 0.2).all()
 
 
 def test_a_goal_in_the_wall_moves_or_stays_without_a_path(team):
     """The midpoint is inside the wall: ``snap`` goes beside it, the paper's preset straight for it."""
     observation = sensed(team).observe(0)
-    _, moved = make(team, "rrt-mp").plan(observation, None, rng())
-    assert moved.path.shape[1] > 1
+    moved = make(team, "rrt-mp").plan(observation, None, rng())
+    assert moved.belief.path.shape[1] > 1
     plain = make(team, "rrt-mp:margin=0.3", preset="paper")
-    goal, belief = plain.plan(observation, None, rng())
-    assert torch.equal(goal, observation.team_poses[..., :2].mean(1))
-    following, _ = plain.plan(observation, belief, rng())
-    assert torch.equal(following, goal)
+    first = plain.plan(observation, None, rng())
+    assert torch.equal(first.goal, observation.team_poses[..., :2].mean(1))
+    following = plain.plan(observation, first.belief, rng())
+    assert torch.equal(following.goal, first.goal)
 
 
 def test_without_a_path_the_rest_of_the_old_one_is_kept(team, monkeypatch):
     planner = make(team, "rrt-oa")
     observation = sensed(team).observe(0)
-    _, belief = planner.plan(observation, None, rng())
+    belief = planner.plan(observation, None, rng()).belief
     belief = replace(belief, progress=torch.tensor([4, 0]))
     monkeypatch.setattr(planner, "route", lambda *_: None)
-    _, kept = planner.plan(observation, belief, rng())
+    kept = planner.plan(observation, belief, rng()).belief
     torch.testing.assert_close(kept.path[0, 0], belief.path[0, 4])
     torch.testing.assert_close(kept.path[:, -1], belief.path[:, -1])
 
@@ -197,16 +195,17 @@ def test_without_a_path_the_rest_of_the_old_one_is_kept(team, monkeypatch):
 def test_way_points_move_along_the_path_and_never_back(team):
     planner = make(team, "rrt-oa")
     observation = sensed(team).observe(0)
-    goal, belief = planner.plan(observation, None, rng())
+    decision = planner.plan(observation, None, rng())
     for index in (5, 12, 8):
         poses = observation.poses.clone()
-        poses[:, -1, 0, :2] = belief.path[:, index]
-        before = belief.progress
-        goal, belief = planner.follow(replace(observation, poses=poses), goal, belief)
-        assert (belief.progress >= before).all()
+        poses[:, -1, 0, :2] = decision.belief.path[:, index]
+        before = decision.belief.progress
+        decision = planner.follow(replace(observation, poses=poses), decision)
+        assert (decision.belief.progress >= before).all()
+    belief = decision.belief
     assert (belief.progress - 12).abs().max() <= 1
     expected = belief.path[0, min(int(belief.progress[0]) + 20, belief.path.shape[1] - 1)]
-    torch.testing.assert_close(goal[0], expected)
+    torch.testing.assert_close(decision.goal[0], expected)
 
 
 def test_a_robot_that_starts_too_near_to_a_wall_leaves_it(team):
@@ -232,16 +231,14 @@ def test_the_true_map_is_for_those_who_are_shown_it(team):
     "text", ["rrt-mp", "rrt-oa:known_map=true", "rrt-cem:motion.samples=100:cem.iterations=3"]
 )
 @pytest.mark.parametrize("names", ["fetch,freight", "freight,fetch,freight"])
-def test_same_seed_same_episodes(text, names):
+def test_same_seed_same_episodes(play, text, names):
     """Whole episodes, any number of robots, whatever OMPL did in between."""
     team = parse_team(names, skill="pure-pursuit")
     task = hub().tasks.create("rendezvous", team.robots)
     starts = torch.tensor([[[-2.5, 0.0, 0.0], [2.5, 0.0, 3.0], [0.0, 4.5, -1.5]][: len(team)]] * 2)
 
     def run():
-        agents = build_agents(team, text, task, seed=4)
-        simulator = BatchSimulator(team.robots, threads=1)
-        return run_episodes(simulator, [WORLD] * 2, starts, agents, task, steps=12)
+        return play(team, task, [WORLD] * 2, starts, text, seeds=(4, 5), steps=12)
 
     first, second = run(), run()
     assert torch.equal(first.poses, second.poses)

@@ -12,6 +12,7 @@ from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.types import State
 from hpp_framework.perception.sensing import HISTORY, MOVED_ON, Sensing
 from hpp_framework.utils.errors import ConfigError
+from hpp_framework.utils.seeding import EpisodeRng
 
 BATCH, BEAMS = 400, 222
 
@@ -26,9 +27,16 @@ def state(batch: int = BATCH, value: float = 1.0, scan: float = 5.0, robots: int
     )
 
 
+class Seeded(Sensing):
+    """Whose episodes have the numbers from 0 on as seeds."""
+
+    def reset(self, state, rng=None):
+        super().reset(state, rng or EpisodeRng(range(len(state.poses))))
+
+
 @pytest.fixture
-def make(pair, torch_rng):
-    return lambda **noise: Sensing(pair, NoiseModel(**noise), torch_rng)
+def make(pair):
+    return lambda **noise: Seeded(pair, NoiseModel(**noise))
 
 
 def test_without_noise_observations_are_the_truth(make):
@@ -87,13 +95,16 @@ def test_every_agent_and_episode_has_its_own_noise(make):
 
 
 def test_noise_of_one_seed_repeats(pair):
-    def once() -> torch.Tensor:
-        sensing = Sensing(pair, NoiseModel(position_std=0.1), torch.Generator().manual_seed(4))
-        sensing.reset(state(3))
-        sensing.update(state(3))
+    def once(*seeds) -> torch.Tensor:
+        sensing = Sensing(pair, NoiseModel(position_std=0.1))
+        sensing.reset(state(len(seeds)), EpisodeRng(seeds))
+        sensing.update(state(len(seeds)))
         return sensing.observe(0).poses
 
-    assert torch.equal(once(), once())
+    together = once(4, 5, 6)
+    assert torch.equal(together, once(4, 5, 6))
+    assert torch.equal(together[2:], once(6))
+    assert not torch.equal(together[2:], once(7))
 
 
 def test_none_means_the_lidars_own_noise(make, fetch):
@@ -205,9 +216,9 @@ def test_lost_poses_leave_the_last_one_that_came(make):
     assert lost.observe(1).team_poses[0, :, 0].tolist() == [0.0, 1.0]
 
 
-def test_agents_with_fewer_beams_get_their_own_width(fetch, freight, torch_rng):
+def test_agents_with_fewer_beams_get_their_own_width(fetch, freight):
     coarse = dataclasses.replace(freight, lidar=dataclasses.replace(freight.lidar, beams=20))
-    sensing = Sensing([fetch, coarse], NoiseModel(), torch_rng)
+    sensing = Seeded([fetch, coarse], NoiseModel())
     sensing.reset(state(2))
     assert sensing.observe(0).scan.shape == (2, BEAMS)
     assert sensing.observe(1).scan.shape == (2, 20)

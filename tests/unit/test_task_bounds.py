@@ -12,7 +12,6 @@ from hpp_framework.core.requirement import AllOf, AnyOf, Apart, Gathering
 from hpp_framework.core.task import Task
 from hpp_framework.core.world import Box, World
 from hpp_framework.evaluation.path_bounds import least_lengths, least_time
-from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.evaluation.task_bounds import task_bounds
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
@@ -84,7 +83,7 @@ def test_a_task_without_a_radius_has_no_bound(team):
         def reward(self, poses):
             raise AssertionError
 
-        met = done = reward
+        success = reward
 
     found = task_bounds([room()], np.zeros((1, 2, 3)), team.robots, Elsewhere())
     assert np.isnan(found).all()
@@ -102,7 +101,7 @@ class Wanted(Task):
     def reward(self, poses):
         raise AssertionError
 
-    met = done = reward
+    success = reward
 
 
 def test_distances_grow_no_faster_than_both_robots_drive(team):
@@ -162,25 +161,22 @@ def test_no_random_drive_towards_each_other_beats_the_bound(robots):
         offset = goals - state.poses[..., :2]
         error = torch.atan2(offset[..., 1], offset[..., 0]) - state.poses[..., 2]
         error = torch.remainder(error + math.pi, 2 * math.pi) - math.pi
-        fast = torch.where(error.abs() < 1.2, 2.0, 0.0) * (~task.met(state.poses))[:, None]
+        fast = torch.where(error.abs() < 1.2, 2.0, 0.0) * (~task.success(state.poses))[:, None]
         state = simulator.step(torch.stack([fast, gain * error], -1))
-        since = torch.where(task.done(state.poses, state.velocities), since + 1, 0)
+        since = torch.where(task.success(state.poses, state.velocities), since + 1, 0)
         done = torch.where((since >= task.sustain_steps) & done.isinf(), step * PERIOD, done)
     best = done.reshape(len(worlds), tries).amin(1).double().numpy()
     assert np.isfinite(best).any()
     assert (bounds <= best + 1e-6).all()
 
 
-def test_the_bound_is_of_use(team, task):
+def test_the_bound_is_of_use(play, team, task):
     """In the open, the perfect goal is reached in less than twice the bound."""
     rng = numpy_rng(999, "useful")
     world = resolve_world("simple")(rng)
     starts = np.stack([spawn_poses(world, team.robots, rng) for _ in range(8)])
     bounds = task_bounds([world] * 8, starts, team.robots, task)
-    agents = build_agents(team, "centralized-mp", task)
-    episodes = run_episodes(
-        BatchSimulator(team.robots), [world] * 8, torch.from_numpy(starts).float(), agents, task
-    )
+    episodes = play(team, task, [world] * 8, torch.from_numpy(starts).float())
     times = episodes.done_step.numpy() * PERIOD
     assert (times >= bounds - 1e-6).all()
     assert np.median(times / bounds) < 2

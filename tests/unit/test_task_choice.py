@@ -47,9 +47,9 @@ def written(tmp_path):
 def test_settings_reach_the_task(team):
     task = make_task("formation:shape=ring:spacing=2:tolerance=0.25", team.robots, team.ids)
     assert isinstance(task, ComposedTask)
-    assert task.success[0].at_most == 0.25
+    assert task.limits[0].at_most == 0.25
     placed = torch.tensor([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]])
-    assert task.met(placed).tolist() == [True]
+    assert task.success(placed).tolist() == [True]
     assert task.reward(placed + torch.tensor([[[0.0] * 3, [1.0, 0.0, 0.0]]])).item() == pytest.approx(
         -2 * 0.5 * eq1_weight(2)
     )
@@ -60,14 +60,14 @@ def test_a_file_says_all_of_a_task(team, written):
     assert (task.sustain_steps, task.halts) == (3, False)
     gap = 0.5 - sum(robot.footprint_radius for robot in team.robots)
     beside = torch.tensor([[[1.5, 1.0, 0.0], [2.0, 1.0, 0.0]]])
-    assert task.met(beside).tolist() == [True]
+    assert task.success(beside).tolist() == [True]
     apart = torch.tensor([[[0.0, 1.0, 0.0], [2.0, 1.0, 0.0]]])
-    assert task.met(apart).tolist() == [False]
+    assert task.success(apart).tolist() == [False]
     assert task.reward(apart).item() == pytest.approx(-2 * 2.0)
     crowded = torch.tensor([[[3.5, 1.0, 0.0], [4.0, 1.0, 0.0]]])
     assert task.reward(crowded).item() == pytest.approx(-2 * (1.5 + 2.0) - (0.2 - gap), abs=1e-5)
     moving = torch.tensor([[[0.5, 0.0], [0.0, 0.0]]])
-    assert task.done(beside, moving).tolist() == [True]
+    assert task.success(beside, moving).tolist() == [True]
 
 
 def test_robots_without_ids_go_by_their_index(team, written):
@@ -183,12 +183,12 @@ def test_every_task_is_batched_and_forgives_unknown_headings(fetch, name, count)
         pytest.skip("about two robots")
     task = make_task(name, [fetch] * count)
     poses = torch.randn(3, 2, count, 3, generator=torch.Generator().manual_seed(count))
-    assert task.reward(poses).shape == task.met(poses).shape == (3, 2)
+    assert task.reward(poses).shape == task.success(poses).shape == (3, 2)
     assert task.reward(poses)[1].allclose(task.reward(poses[1]), atol=1e-4)
     poses[..., 2] = torch.nan
     assert bool(task.reward(poses).isfinite().all())
-    places = task.places(torch.zeros(3, 2, 2), poses)
-    assert places is None or places.shape == (3, 2, count, 2)
+    targets = task.targets(torch.zeros(3, 2, 2), poses)
+    assert targets is None or targets.shape == (3, 2, count, 3)
 
 
 NEED_TWO = ("handover", "follow", "pursuit")

@@ -1,4 +1,4 @@
-"""Bundled tasks: each is met where it should be, and robots are sent to places of their own."""
+"""Bundled tasks: each is fulfilled where it should be, and robots are sent to targets of their own."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from hpp_framework.config.task_file import make_task
 from hpp_framework.core.planner import PlannerContext
 from hpp_framework.core.predictor import Predictor
 from hpp_framework.core.types import Observation, Trajectories
-from hpp_framework.evaluation.rollout import build_agents, run_episodes
 from hpp_framework.planning.baselines.centralized import midpoint
 from hpp_framework.planning.hpp.lattice import LatticeConfig, LatticePlanner
 from hpp_framework.planning.hpp.planner import HppConfig, HppPlanner
-from hpp_framework.planning.targets import own_place
+from hpp_framework.planning.targets import own_target
 from hpp_framework.plugins.build import parse_team
-from hpp_framework.sim.batch.simulator import BatchSimulator
-from hpp_framework.utils.seeding import torch_rng
+from hpp_framework.utils.seeding import EpisodeRng
 
 LEFT, RIGHT = 0.0, math.pi
 
@@ -62,15 +60,15 @@ def seen(poses, agent=0):
         ("pursuit:stranger=bob", [[0, 0, 0], [0, 1.1, 0]], [[0, 0, 0], [0, 1.3, 0]]),
     ],
 )
-def test_where_a_task_is_met(team, task, met, unmet):
+def test_where_a_task_is_fulfilled(team, task, met, unmet):
     task = make_task(task, team.robots, team.ids)
     poses, still = torch.tensor([met, unmet]).float(), torch.zeros(2, 2, 2)
-    assert task.met(poses).tolist() == task.done(poses, still).tolist() == [True, False]
+    assert task.success(poses).tolist() == task.success(poses, still).tolist() == [True, False]
     reward = task.reward(poses)
     assert reward[0] == 0 > reward[1]
     # where one robot drives and the other stands, only tasks on the move are fulfilled
     driving = torch.tensor([0.5, 0.0]) * torch.tensor([[1.0], [0.0]])
-    assert task.done(poses[:1], driving[None]).tolist() == [not task.halts]
+    assert task.success(poses[:1], driving[None]).tolist() == [not task.halts]
 
 
 def test_tasks_of_two_need_two(fetch):
@@ -81,7 +79,7 @@ def test_tasks_of_two_need_two(fetch):
 
 @pytest.mark.parametrize("preset", ["paper", "best", "centralized-mp"])
 @pytest.mark.parametrize("agent", [0, 1])
-def test_planners_send_each_robot_to_its_own_place(team, preset, agent):
+def test_planners_send_each_robot_to_its_own_target(team, preset, agent):
     task = make_task("formation:spacing=2", team.robots)
     observation = seen([[-2, 1, 0], [2, 1, 0]], agent)
     if preset == "paper":
@@ -90,7 +88,8 @@ def test_planners_send_each_robot_to_its_own_place(team, preset, agent):
         planner = LatticePlanner(Straight(), task, LatticeConfig(horizon=5, shadow=0.0))
     else:
         planner = midpoint(PlannerContext(team=team, agent=agent, task=task))
-    goal, belief = planner.plan(observation, None, torch_rng(0))
+    decision = planner.plan(observation, None, EpisodeRng([0]))
+    goal, belief = decision.goal, decision.belief
     offset = torch.tensor([[-1.0, 0.0], [1.0, 0.0]])[agent]
     assert goal[0].tolist() == pytest.approx((belief.goal[0] + offset).tolist(), abs=1e-5)
     if belief.imagination is not None:
@@ -103,22 +102,20 @@ def test_planners_send_each_robot_to_its_own_place(team, preset, agent):
         assert ends[near].allclose(places[near], atol=1e-4)
 
 
-def test_shared_goals_stay_shared_without_places(team):
+def test_shared_goals_stay_shared_without_targets(team):
     task = make_task("rendezvous", team.robots)
     goal = torch.tensor([[1.0, 2.0]])
-    assert own_place(task, goal, torch.zeros(1, 2, 3), 0) is goal
+    assert own_target(task, goal, torch.zeros(1, 2, 3), 0) is goal
     planner = LatticePlanner(Straight(), task, LatticeConfig(horizon=5, shadow=0.0))
-    chosen, belief = planner.plan(seen([[-2, 1, 0], [2, 1, 0]]), None, torch_rng(0))
-    assert chosen is belief.goal
+    decision = planner.plan(seen([[-2, 1, 0], [2, 1, 0]]), None, EpisodeRng([0]))
+    assert decision.goal is decision.belief.goal
 
 
 @pytest.mark.parametrize("name", ["formation", "dispersion:least=3"])
-def test_episodes_end_with_the_task_fulfilled(empty_world, name):
+def test_episodes_end_with_the_task_fulfilled(play, empty_world, name):
     team = parse_team("fetch,freight", skill="pure-pursuit")
     task = make_task(name, team.robots)
     starts = torch.tensor([[[-1.0, 0.5, 0.0], [1.0, -0.5, 1.0]]])
-    with BatchSimulator(team.robots) as simulator:
-        agents = build_agents(team, "centralized-mp", task)
-        episodes = run_episodes(simulator, [empty_world], starts, agents, task)
+    episodes = play(team, task, [empty_world], starts)
     assert episodes.done_step.item() > 0
-    assert task.met(episodes.poses[:, -1]).tolist() == [True]
+    assert task.success(episodes.poses[:, -1]).tolist() == [True]

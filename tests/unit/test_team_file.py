@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
+from hpp_framework.agents.build import build_scheduled_agents
 from hpp_framework.config.team_file import read_team_file, resolve_team
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.experiment import (
     Experiment,
     check_experiment,
-    make_agents,
     read_experiment,
     run_experiment,
 )
@@ -115,17 +116,20 @@ def experiment(file: Path, **options) -> Experiment:
     )
 
 
+def agents_of(shown: Experiment):
+    team, planner = shown.make_team(), shown.planners[0]
+    return build_scheduled_agents(
+        team, shown.make_schedule(team), shown.agent_config(planner), (-10, -10, 10, 10)
+    )
+
+
 def test_every_member_runs_its_own_planner(write):
-    shown = experiment(write(ALICE, {**BOB, "planner": "centralized-mp:guard=false"}))
-    team = shown.make_team()
-    alice, bob = make_agents(shown, "centralized-oa", team, shown.make_turns(team), (-10, -10, 10, 10))
+    alice, bob = agents_of(experiment(write(ALICE, {**BOB, "planner": "centralized-mp"})))
     assert isinstance(alice.planner, CentralizedOther)
     assert isinstance(bob.planner, CentralizedMidpoint)
-    assert alice.guard is not None
-    assert bob.guard is None
 
 
-def test_a_ceiling_is_refused_where_somebody_plans_otherwise(write):
+def test_an_oracle_is_refused_where_a_robot_plans_otherwise(write):
     shown = experiment(write(ALICE, {**BOB, "planner": "centralized-mp"}), planners=("full-communication",))
     with pytest.raises(ConfigError, match="plans for the whole team, but 'bob' has a planner of its own"):
         check_experiment(shown, {"simple": resolve_world("simple")})
@@ -161,9 +165,7 @@ def test_another_team_in_the_same_file_is_another_experiment(write, tmp_path):
 
 
 def models(shown: Experiment, agent: int):
-    team = shown.make_team()
-    agents = make_agents(shown, "hpp", team, shown.make_turns(team), (-10, -10, 10, 10))
-    return agents[agent].planner.predictor.models
+    return agents_of(replace(shown, planners=("hpp",)))[agent].planner.predictor.models
 
 
 def weight_of(model):

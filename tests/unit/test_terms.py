@@ -30,6 +30,13 @@ def team(*poses: tuple[float, ...]) -> torch.Tensor:
     return torch.tensor([[(*pose, 0.0)[:3] for pose in poses]])
 
 
+def places_of(term, goals, poses):
+    """Return where robots are sent, who may look anywhere there."""
+    targets = term.targets(goals, poses)
+    assert bool(targets[..., 2].isnan().all())
+    return targets[..., :2]
+
+
 def test_spread_is_what_eq_1_sums():
     poses = team((0, 0), (3, 0), (0, 4))
     assert Spread().errors(poses).tolist() == [[3.0, 4.0, 5.0]]
@@ -54,7 +61,7 @@ def test_distances_are_too_near_or_too_far():
 def test_spaced_robots_go_out_to_a_ring_in_the_order_in_which_they_stand():
     term = Spaced([4.0] * 3, math.inf, 3)
     poses = team((0, 1), (-1, -1), (1, -1))
-    (places,) = term.places(torch.tensor([[5.0, 0.0]]), poses)
+    (places,) = places_of(term, torch.tensor([[5.0, 0.0]]), poses)
     sides = (places - places.roll(1, 0)).norm(dim=-1).tolist()
     assert sides == pytest.approx([4.5] * 3, abs=1e-4)
     assert term.errors(torch.cat([places, torch.zeros(3, 1)], -1)[None]).max() == 0
@@ -66,12 +73,12 @@ def test_an_escort_stands_around_where_its_leader_goes():
     term = Escort(3, 1, 1.0, 3.0)
     poses = team((2, 0), (0, 0), (0, -9))
     assert term.errors(poses).tolist() == [[0.0, 6.0]]
-    (places,) = term.places(torch.tensor([[10.0, 10.0]]), poses)
+    (places,) = places_of(term, torch.tensor([[10.0, 10.0]]), poses)
     assert places[1].tolist() == [10.0, 10.0]
     # opposite each other, and turned towards where both come from
     assert (places[0] - places[2]).norm().item() == pytest.approx(4.0)
     assert (places[0] - 10)[1] > 0 > (places[2] - 10)[1]
-    lone = Escort(2, 0, 1.0, 3.0).places(torch.tensor([[5.0, 0.0]]), team((0, 0), (0, 7)))
+    lone = places_of(Escort(2, 0, 1.0, 3.0), torch.tensor([[5.0, 0.0]]), team((0, 0), (0, 7)))
     assert lone[0, 1].tolist() == pytest.approx([5.0, 2.0], abs=1e-5)
 
 
@@ -81,28 +88,29 @@ def test_the_nearest_pursuer_counts():
     assert isinstance(term.requirement(0.0), AnyOf)
 
 
-def test_two_that_shall_face_each_other_come_to_both_sides_of_the_goal():
+def test_two_that_must_face_each_other_come_to_both_sides_of_the_goal():
     term = Facing(0, 2, apart=1.0)
     poses = torch.tensor([[(-4.0, 0.0, 0.0), (9.0, 9.0, 0.0), (4.0, 0.0, 0.0)]])
-    (places,) = term.places(torch.tensor([[1.0, 5.0]]), poses)
-    assert places.flatten().tolist() == pytest.approx([-0.3, 5, 9, 9, 2.3, 5])
-    assert not bool(term.settling(poses).near)
+    (targets,) = term.targets(torch.tensor([[1.0, 5.0]]), poses)
+    assert targets[:, :2].flatten().tolist() == pytest.approx([-0.3, 5, 9, 9, 2.3, 5])
+    assert targets[:, 2].isnan().tolist() == [True, False, True]
+    assert not bool(term.terminal(poses).now)
 
 
 def test_two_that_are_near_turn_to_each_other_from_about_where_they_are():
     term = Facing(0, 2, apart=1.0, slack=0.2)
     poses = torch.tensor([[(-1.0, 0.0, 2.0), (9.0, 9.0, 0.5), (1.0, 0.0, 1.0)]])
-    settling = term.settling(poses)
-    assert bool(settling.near)
-    assert settling.middle.tolist() == [[0.0, 0.0]]
-    (stances,) = term.stances(settling.middle, poses)
-    assert stances[:, :2].flatten().tolist() == pytest.approx([-0.6, 0, 9, 9, 0.6, 0])
-    assert stances[:, 2].abs().tolist() == pytest.approx([0, 0.5, math.pi])
+    terminal = term.terminal(poses)
+    assert bool(terminal.now)
+    assert terminal.middle.tolist() == [[0.0, 0.0]]
+    (targets,) = term.targets(terminal.middle, poses)
+    assert targets[:, :2].flatten().tolist() == pytest.approx([-0.6, 0, 9, 9, 0.6, 0])
+    assert targets[:, 2].abs().tolist() == pytest.approx([0, 0.5, math.pi])
     # within the slack they stay, too near they make room
     for gap, kept in ((1.1, 1.1), (0.5, 0.8)):
         poses[0, 0, 0], poses[0, 2, 0] = -gap / 2, gap / 2
-        (stances,) = term.stances(torch.zeros(1, 2), poses)
-        assert float(stances[2, 0] - stances[0, 0]) == pytest.approx(kept)
+        (targets,) = term.targets(torch.zeros(1, 2), poses)
+        assert float(targets[2, 0] - targets[0, 0]) == pytest.approx(kept)
 
 
 def test_region_is_a_disc():
@@ -152,7 +160,7 @@ def test_robots_go_to_the_places_that_cost_least():
     poses = team((3, 1), (-3, 0), (0.5, 0))
     goals = torch.tensor([[[10.0, 0.0], [0.0, -4.0]]])
     expected = [[(12, 0), (8, 0), (10, 0)], [(2, -4), (-2, -4), (0, -4)]]
-    assert torch.equal(term.places(goals, poses[:, None]), torch.tensor([expected]).float())
+    assert torch.equal(places_of(term, goals, poses[:, None]), torch.tensor([expected]).float())
 
 
 def test_more_robots_than_orders_are_tried_for_take_the_nearest_places_too(torch_rng):
@@ -200,20 +208,20 @@ def test_robots_of_a_formation_are_near_its_centre(poses, nearest, turn):
 def test_rest_counts_only_where_it_is_asked_for():
     rewards, success = [Weighed(Spread())], [Limit(Gather(1.0))]
     poses, velocities = team((0, 0), (1, 0)), torch.tensor([[[0.5, 0.0], [0.0, 0.0]]])
-    assert ComposedTask(rewards, success).done(poses, velocities).tolist() == [False]
+    assert ComposedTask(rewards, success).success(poses, velocities).tolist() == [False]
     moving = ComposedTask(rewards, success, Rules(rest_speed=None, halts=False))
-    assert moving.done(poses, velocities).tolist() == [True]
+    assert moving.success(poses, velocities).tolist() == [True]
     assert not moving.halts
 
 
-def test_places_and_requirements_of_parts_are_those_of_the_task():
+def test_targets_and_requirements_of_parts_are_those_of_the_task():
     formation, spread = Formation(Form(line(2, 2.0))), Spread()
     task = ComposedTask([Weighed(spread), Weighed(formation)], [Limit(Gather(1.0))])
     poses, goal = team((0, 0), (1, 0)), torch.zeros(1, 2)
-    assert torch.equal(task.places(goal, poses), formation.places(goal, poses))
+    assert torch.equal(places_of(task, goal, poses), places_of(formation, goal, poses))
     assert task.requirement() == AllOf((Gathering(1.0),))
     alone = ComposedTask([Weighed(spread)], [Limit(spread, 1.0)])
-    assert alone.places(goal, poses) is None
+    assert alone.targets(goal, poses) is None
     assert alone.requirement() is None
 
 

@@ -9,7 +9,6 @@ import pytest
 import torch
 from hpp_tasks.rendezvous import Rendezvous
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.types import Observation, State, Trajectories
 from hpp_framework.perception.sensing import Sensing
 
@@ -58,12 +57,12 @@ def test_wrong_shapes_are_refused_by_functions():
     with pytest.raises(jaxtyping.TypeCheckError):
         task.reward(torch.zeros(4, 2, 2))
     with pytest.raises(jaxtyping.TypeCheckError):
-        task.done(torch.zeros(4, 2, 3), torch.zeros(4, 3, 2))
+        task.success(torch.zeros(4, 2, 3), torch.zeros(4, 3, 2))
 
 
-def test_wrong_kinds_are_refused(fetch, torch_rng):
+def test_wrong_kinds_are_refused(fetch):
     with pytest.raises(jaxtyping.TypeCheckError):
-        Sensing([fetch], NoiseModel(), 7)
+        Sensing([fetch], 7)
     with pytest.raises(jaxtyping.TypeCheckError):
         State(
             poses=torch.zeros(1, 1, 3),

@@ -181,15 +181,15 @@ def _grow(problem: base.ProblemDefinition, space: base.SpaceInformation, config:
     from ompl import base, geometric
 
     kinds = {"rrt": geometric.RRT, "rrt-connect": geometric.RRTConnect, "rrt-star": geometric.RRTstar}
-    planner = kinds[config.algorithm](space)
-    planner.setRange(config.step)
-    if not isinstance(planner, geometric.RRTConnect):
-        planner.setGoalBias(config.goal_bias)
-    planner.setProblemDefinition(problem)
-    planner.setup()
+    tree = kinds[config.algorithm](space)
+    tree.setRange(config.step)
+    if not isinstance(tree, geometric.RRTConnect):
+        tree.setGoalBias(config.goal_bias)
+    tree.setProblemDefinition(problem)
+    tree.setup()
     samples = iter(range(config.iterations))
-    planner.solve(base.PlannerTerminationCondition(lambda: next(samples, None) is None))
-    return planner
+    tree.solve(base.PlannerTerminationCondition(lambda: next(samples, None) is None))
+    return tree
 
 
 def _pair(state: Any) -> tuple[float, float]:

@@ -7,9 +7,9 @@ import math
 import pytest
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.types import Keyframes
 from hpp_framework.core.world import Box, World
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.perception.local_map import (
     CELLS,
     CLEAR,
@@ -18,7 +18,6 @@ from hpp_framework.perception.local_map import (
     clearance_around,
     draw_chart,
 )
-from hpp_framework.perception.sensing import Sensing
 from hpp_framework.sim.batch.simulator import BatchSimulator
 
 ARCS = torch.tensor([0.5, 1.0, 2.0, 3.0, 5.0])
@@ -31,14 +30,13 @@ def radii(pair):
 
 def seen_by(pair, world, starts, turns=(0.0,)):
     """Return what robot 0 observes, its keyframes taken while it looked around on the spot."""
-    simulator = BatchSimulator(pair)
-    sensing = Sensing(pair, NoiseModel(), torch.Generator(), keyframes=len(turns))
+    batch = EpisodeBatch(BatchSimulator(pair), keyframes=len(turns))
     poses, scans = [], []
     for turn in turns:
         start = torch.tensor([starts], dtype=torch.float32)
         start[0, 0, 2] += turn
-        sensing.reset(simulator.reset([world], start))
-        observation = sensing.observe(0)
+        batch.begin([world], start, [0])
+        observation = batch.observe(0)
         poses.append(observation.team_poses)
         scans.append(observation.scan)
     return observation, Keyframes(torch.stack(poses, 1), torch.stack(scans, 1))

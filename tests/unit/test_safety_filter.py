@@ -1,15 +1,14 @@
-"""The guard: no touch where a skill would brush what left its view, and no robot that stands for ever."""
+"""The safety filter: no touch where a skill would brush what left its view, and no robot stuck for ever."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from hpp_framework.control.safety_filter import Guard, GuardConfig
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.control.safety_filter import SafetyFilter, SafetyFilterConfig
 from hpp_framework.core.types import Keyframes, Observation
 from hpp_framework.core.world import Cylinder, World
-from hpp_framework.perception.sensing import Sensing
+from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
 
@@ -21,18 +20,17 @@ def legs(*centers):
     return World(name="legs", bounds=(-10, -10, 10, 10), walled=False, cylinders=cylinders)
 
 
-def drive(robots, world, starts, command, steps, guard):
+def drive(robots, world, starts, command, steps, safety):
     """Return the states of one episode in which the first robot's skill wants the same all the time."""
-    simulator, sensing = BatchSimulator(robots), Sensing(robots, NoiseModel(), torch.Generator())
-    states = [simulator.reset([world], torch.tensor([starts]))]
-    sensing.reset(states[0])
+    batch = EpisodeBatch(BatchSimulator(robots))
+    batch.begin([world], torch.tensor([starts]), [0])
+    states = [batch.state]
     wanted = torch.zeros(1, len(robots), 2)
     for _ in range(steps):
         wanted[:, 0] = torch.tensor(command)
-        if guard is not None:
-            wanted[:, 0] = guard(sensing.observe(0), wanted[:, 0])
-        states.append(simulator.step(wanted))
-        sensing.update(states[-1])
+        if safety is not None:
+            wanted[:, 0] = safety.corrected(batch.observe(0), wanted[:, 0])
+        states.append(batch.step(wanted))
     return states
 
 
@@ -50,7 +48,7 @@ def seen(scans, *, speed=0.5, others=(), keyframes=None):
 
 def test_open_space_changes_nothing(fetch):
     wanted = torch.tensor([[1.0, -2.0]])
-    assert torch.equal(Guard(fetch)(seen(torch.full((222,), FAR)), wanted), wanted)
+    assert torch.equal(SafetyFilter(fetch).corrected(seen(torch.full((222,), FAR)), wanted), wanted)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -58,7 +56,7 @@ def test_a_leg_beside_the_robot_is_not_brushed(fetch, side):
     """It turns towards a leg that it passes, which the lidar saw before and does not see now."""
     world, command = legs((1.0, 0.42 * side)), (0.6, 0.45 * side)
     assert touches(drive([fetch], world, [[0.0, 0.0, 0.0]], command, 20, None))
-    states = drive([fetch], world, [[0.0, 0.0, 0.0]], command, 20, Guard(fetch))
+    states = drive([fetch], world, [[0.0, 0.0, 0.0]], command, 20, SafetyFilter(fetch))
     assert not touches(states)
     assert states[-1].poses[0, 0, :2].norm() > 1.0
     assert states[-1].velocities[0, 0, 0].item() == pytest.approx(0.6)
@@ -67,7 +65,7 @@ def test_a_leg_beside_the_robot_is_not_brushed(fetch, side):
 def test_a_robot_that_drives_at_a_leg_gets_past_it(fetch):
     world = legs((1.0, 0.0))
     assert touches(drive([fetch], world, [[0.0, 0.0, 0.0]], (0.8, 0.0), 60, None))
-    states = drive([fetch], world, [[0.0, 0.0, 0.0]], (0.8, 0.0), 60, Guard(fetch))
+    states = drive([fetch], world, [[0.0, 0.0, 0.0]], (0.8, 0.0), 60, SafetyFilter(fetch))
     assert not touches(states)
     assert states[-1].poses[0, 0, :2].norm() > 2.0
 
@@ -75,7 +73,7 @@ def test_a_robot_that_drives_at_a_leg_gets_past_it(fetch):
 def test_it_stops_before_a_wall_of_legs(fetch):
     """Nowhere to go: rest is always safe, as a disc turns in place freely."""
     ring = [(0.6 * torch.tensor(a).cos().item(), 0.6 * torch.tensor(a).sin().item()) for a in range(0, 63)]
-    states = drive([fetch], legs(*ring), [[0.0, 0.0, 0.0]], (1.0, 0.3), 40, Guard(fetch))
+    states = drive([fetch], legs(*ring), [[0.0, 0.0, 0.0]], (1.0, 0.3), 40, SafetyFilter(fetch))
     assert not touches(states)
 
 
@@ -86,17 +84,17 @@ def test_what_left_the_view_is_remembered_and_forgotten(fetch):
     poses[:, 10, 0, 2], scans[:, 10, 109:113] = 1.249, 0.081
     wanted = torch.tensor([[1.0, 3.0]])
     known = seen(torch.full((222,), FAR), speed=0.5, keyframes=Keyframes(poses, scans))
-    assert not torch.equal(Guard(fetch)(known, wanted), wanted)
-    assert torch.equal(Guard(fetch, GuardConfig(memory=1))(known, wanted), wanted)
-    assert torch.equal(Guard(fetch, GuardConfig(memory=0))(known, wanted), wanted)
+    assert not torch.equal(SafetyFilter(fetch).corrected(known, wanted), wanted)
+    assert torch.equal(SafetyFilter(fetch, SafetyFilterConfig(memory=1)).corrected(known, wanted), wanted)
+    assert torch.equal(SafetyFilter(fetch, SafetyFilterConfig(memory=0)).corrected(known, wanted), wanted)
 
 
 def test_other_robots_are_left_to_the_agent(fetch):
     scan = torch.full((222,), FAR)
     scan[100:122] = 0.3
     wanted = torch.tensor([[0.8, 0.0]])
-    assert not torch.equal(Guard(fetch)(seen(scan), wanted), wanted)
-    assert torch.equal(Guard(fetch)(seen(scan, others=[(0.74, 0.0)]), wanted), wanted)
+    assert not torch.equal(SafetyFilter(fetch).corrected(seen(scan), wanted), wanted)
+    assert torch.equal(SafetyFilter(fetch).corrected(seen(scan, others=[(0.74, 0.0)]), wanted), wanted)
 
 
 def test_rows_do_not_depend_on_each_other(fetch, torch_rng):
@@ -106,14 +104,14 @@ def test_rows_do_not_depend_on_each_other(fetch, torch_rng):
         torch.rand(rows, 2, generator=torch_rng),
     )  # fmt: skip
     wanted = torch.rand(rows, 2, generator=torch_rng)
-    guard = Guard(fetch)
-    together = guard(observation, wanted)
-    alone = [guard(observation.episodes(slice(i, i + 1)), wanted[i : i + 1]) for i in range(rows)]
+    safety = SafetyFilter(fetch)
+    together = safety.corrected(observation, wanted)
+    alone = [safety.corrected(observation.episodes(slice(i, i + 1)), wanted[i : i + 1]) for i in range(rows)]
     assert torch.equal(together, torch.cat(alone))
     assert not torch.equal(together, wanted)
 
 
 @pytest.mark.parametrize("wrong", [{"margin": -0.1}, {"memory": 13}, {"way_out": float("nan")}])
 def test_wrong_settings_are_refused(wrong):
-    with pytest.raises(ConfigError, match=f"guard: '{next(iter(wrong))}' must be"):
-        GuardConfig(**wrong)
+    with pytest.raises(ConfigError, match=f"safety-filter: {next(iter(wrong))}"):
+        SafetyFilterConfig(**wrong)
