@@ -37,8 +37,8 @@ __version__ = version("hpp-framework")
 
 __all__ = [
     "Agent", "Belief", "ControlLayer", "ControlStack", "Decision", "Experiment", "MetaPlanner", "Observation",
-    "Policy", "Predictor", "RobotSpec", "Skill", "Task", "Team", "TeamEnv", "Trajectories", "World", "evaluate",
-    "hub", "parse_team",
+    "Policy", "Predictor", "RobotSpec", "Skill", "Task", "Team", "TeamEnv", "Trajectories", "World",
+    "evaluate", "hub", "parse_team",
 ]  # fmt: skip
 
 _HOMES = {
