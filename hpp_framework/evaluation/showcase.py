@@ -63,8 +63,7 @@ def showcase(
         HppError: if the experiment names something wrong (nothing is written then), or ``out`` holds an
             evaluation or cannot be written.
     """
-    if episode < 0:
-        raise ConfigError(f"episode must be 0 or more, got {episode}.")
+    check_episode(episode)
     experiment = replace(
         experiment, worlds=experiment.worlds[:1], planners=experiment.planners[:1], episodes=1
     )
@@ -88,7 +87,18 @@ def recorded_episode(file: Path) -> int:
     episode = read_json(file).get("episode", 0)
     if type(episode) is not int:
         raise ConfigError(f"'{file}' is damaged: episode must be a whole number, got {episode}.")
+    check_episode(episode)
     return episode
+
+
+def check_episode(number: int) -> None:
+    """Check the number of an episode.
+
+    Raises:
+        ConfigError: if it is negative.
+    """
+    if number < 0:
+        raise ConfigError(f"episode must be 0 or more, got {number}.")
 
 
 def _write(
