@@ -75,6 +75,8 @@ class HierarchicalAgent(Agent):
 
     def plan_seconds(self, observation: Observation, repeats: int) -> list[float]:
         """Return wall times of plans from a belief on; a first plan, which may skip work, supplies it."""
+        if not self.planner.timed:
+            return []
         belief = self.planner.plan(observation, None, EpisodeRng([0])).belief
         seconds: list[float] = []
         for repeat in range(repeats):

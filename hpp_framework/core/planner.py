@@ -94,11 +94,13 @@ class MetaPlanner(ABC):
         plan_every: control steps between plans (the paper's T_h).
         shared_rng: whether all agents share one source of randomness, as only a centralised planner could.
         options: skills that a decision may choose among, instead of the agent's own.
+        timed: whether reports say how long a plan takes; not of oracles, which plan once for all agents.
     """
 
     plan_every: int = 10
     shared_rng: bool = False
     options: Sequence[Option] = ()
+    timed: bool = True
 
     @abstractmethod
     def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:

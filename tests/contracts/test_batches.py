@@ -57,14 +57,12 @@ def test_an_episode_alone_equals_itself_in_a_batch(planner, noise):
     )
 
 
-@pytest.mark.parametrize("team", ["fetch,freight,fetch", "fetch"])
-def test_so_do_episodes_of_teams_of_any_size(team):
-    three = Experiment(
-        worlds=("wall",), planners=("hpp",), episodes=EPISODES, seed=21, team=team, noise=ROUGH
-    )
-    chosen = {number: draw_episode(three, "wall", resolve_world("wall"), number) for number in range(2)}
-    together = run_drawn(three, "hpp", "wall", chosen).poses[1]
-    alone = run_drawn(three, "hpp", "wall", {1: chosen[1]}).poses[0]
+@pytest.mark.parametrize(("team", "world"), [("fetch,freight,fetch", "wall"), ("fetch", "simple")])
+def test_so_do_episodes_of_teams_of_any_size(team, world):
+    named = Experiment(worlds=(world,), planners=("hpp",), episodes=EPISODES, seed=21, team=team, noise=ROUGH)
+    chosen = {number: draw_episode(named, world, resolve_world(world), number) for number in range(2)}
+    together = run_drawn(named, "hpp", world, chosen).poses[1]
+    alone = run_drawn(named, "hpp", world, {1: chosen[1]}).poses[0]
     length = min(len(together), len(alone))
     assert torch.equal(alone[:length], together[:length])
 

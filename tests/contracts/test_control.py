@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -14,6 +15,7 @@ from hpp_framework.control.safety_filter import SafetyFilter
 from hpp_framework.control.terminal_approach import TerminalApproach
 from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.world import Box, World
 from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
 from hpp_framework.plugins.build import parse_team
@@ -131,19 +133,23 @@ def test_settings_of_a_layer_without_settings_are_refused(register):
 
 @pytest.fixture(scope="module")
 def seen():
-    """Return what the first of two robots knows, in rooms where the two are far apart and near each other."""
-    import numpy as np
-
+    """Return what the first of two robots knows: at speed towards the other, before a box, and in rooms."""
     robots = parse_team("fetch,freight").robots
     rng = np.random.default_rng(4)
-    worlds = [training(rng) for _ in range(12)]
-    starts = np.stack([spawn_poses(world, robots, rng) for world in worlds])
-    starts[::2, 1, :2] = starts[::2, 0, :2] + rng.uniform(-1.5, 1.5, (6, 2)) + [0.8, 0.0]
-    batch = EpisodeBatch(BatchSimulator(robots), noise=NoiseModel(position_std=0.02))
-    batch.begin(worlds, torch.from_numpy(starts).float(), range(12))
-    generator = torch.Generator().manual_seed(0)
-    for _ in range(8):
-        batch.step(torch.rand(12, 2, 2, generator=generator) * torch.tensor([1.0, 2.0]))
+    worlds, starts = [], []
+    for gap in (2.2, 2.6, 3.0, 3.4):
+        worlds.append(World(name="open"))
+        starts.append([[0.0, 0.0, 0.1], [gap, 0.0, np.pi]])
+    for gap in (0.9, 1.1, 1.3, 1.5):
+        worlds.append(World(name="box", boxes=(Box(center=(gap + 0.5, 0.2), size=(1.0, 1.0)),)))
+        starts.append([[0.0, 0.0, 0.0], [-3.0, 3.0, 0.0]])
+    for _ in range(4):
+        worlds.append(training(rng))
+        starts.append(spawn_poses(worlds[-1], robots, rng))
+    batch = EpisodeBatch(BatchSimulator(robots), noise=NoiseModel(position_std=0.005))
+    batch.begin(worlds, torch.from_numpy(np.stack(starts)).float(), range(len(worlds)))
+    for _ in range(6):
+        batch.step(torch.tensor([1.0, 0.0]).expand(len(worlds), 2, 2))
     return batch.observe(0)
 
 
@@ -153,7 +159,7 @@ def asked(layer, seen):
     generator = torch.Generator().manual_seed(1)
     goal = seen.pose[:, :2] + 6 * torch.rand(count, 2, generator=generator) - 3
     goal[::3] = seen.pose[::3, :2] - 4 * torch.stack([seen.pose[::3, 2].cos(), seen.pose[::3, 2].sin()], -1)
-    command = torch.rand(count, 2, generator=generator) * torch.tensor([1.0, 2.0]) - torch.tensor([0.0, 1.0])
+    command = torch.tensor([1.0, 0.2]) - torch.rand(count, 2, generator=generator) * torch.tensor([0.2, 0.4])
     return goal, command, layer.redirect(seen, goal, goal), layer.filter(seen, goal, command)
 
 

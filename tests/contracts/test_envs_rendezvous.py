@@ -102,9 +102,8 @@ def test_return_is_that_of_the_team_environment(straight_team):
     """The reward is summed over control steps, so how often goals are given does not change the return."""
     returns = []
     for plan_every in (5, 10):
-        env = RendezvousEnv(
-            straight_team, world="simple", teammates=Recorder, config=HierarchyConfig(plan_every=plan_every)
-        )
+        config = HierarchyConfig(plan_every=plan_every, teammates_control="safety-filter")
+        env = RendezvousEnv(straight_team, world="simple", teammates=Recorder, config=config)
         env.reset(seed=0, options={"poses": [[-3, -3, 0.7], [5, -3, 1.2]]})
         team = TeamEnv(straight_team, world="simple")
         team.reset(seed=0, options={"poses": [[-3, -3, 0.7], [5, -3, 1.2]]})

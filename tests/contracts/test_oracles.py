@@ -21,6 +21,7 @@ from hpp_framework.planning.oracles import perfect_model as perfect_model_module
 from hpp_framework.planning.oracles.oracle import PooledPredictor, full_communication, perfect_model
 from hpp_framework.planning.oracles.perfect_model import PerfectModel
 from hpp_framework.plugins.build import make_skills
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
@@ -33,6 +34,8 @@ EPISODES = 3
 
 class Whole(MetaPlanner):
     """Sends all robots to one place."""
+
+    plan_every = 5
 
     def __init__(self, goal):
         self.goal = goal
@@ -82,13 +85,10 @@ def context(straight_team, task):
     return PlannerContext(team=straight_team, agent=0, task=task, settings=settings)
 
 
-STACK = "terminal-approach,yield-together,stop-on-success,safety-filter"
-
-
 @pytest.fixture
 def model(straight_team, task):
     def control(index):
-        return make_control(STACK, straight_team.robots, index, task)
+        return make_control(DEFAULT_CONTROL, straight_team.robots, index, task)
 
     return PerfectModel(PlannerContext(team=straight_team, agent=0, task=task, control=control), Every(), 5)
 
@@ -110,8 +110,7 @@ def test_the_perfect_model_is_right(straight_team, model, batch):
     for step in range(1, 41):
         batch.step(torch.stack([agent.act(batch.observe(i)) for i, agent in enumerate(agents)], 1))
         if step % 2 == 0:
-            imagined = found.poses[:, 1, step // 2 - 1]
-            torch.testing.assert_close(imagined, batch.state.poses, atol=1e-3, rtol=0)
+            assert torch.equal(found.poses[:, 1, step // 2 - 1], batch.state.poses)
 
 
 def test_waypoints_are_redirected_as_often_as_the_team_plans(model, seen):

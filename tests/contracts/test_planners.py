@@ -117,7 +117,11 @@ def half_still():
     if STILL not in hub().skills:
         hub().skills.add(STILL, lambda robot: Stands())
     first, second = parse_team("fetch,freight").members
-    return Team((first, replace(second, skill=STILL, control="none")))
+    # there are motion models of the shipped skill only
+    wrong = {second.id: second}
+    return Team(
+        (replace(first, believes=wrong), replace(second, skill=STILL, control="none", believes=wrong))
+    )
 
 
 class Stands(Skill):

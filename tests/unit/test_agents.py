@@ -94,6 +94,23 @@ def test_skills_are_sent_where_layers_redirect_and_agents_keep_the_goal(fixed_go
     assert layer.asked == 2
 
 
+def test_layers_are_asked_after_each_plan_also_where_the_goal_stays():
+    """A robot that was sent back along its path must not be left there."""
+
+    class Stays(MetaPlanner):
+        plan_every = 3
+        decision = Decision(torch.zeros(1, 2), certain(torch.zeros(1, 2)))
+
+        def plan(self, observation, belief, rng):
+            return self.decision
+
+    layer = Aside()
+    agent = agent_of(Stays(), None, layer)
+    for step in range(1, 8):
+        agent.act(observation())
+        assert layer.asked == (step + 2) // 3
+
+
 def test_layers_are_asked_where_a_planner_moves_the_goal_between_plans():
     planner, layer = Moving(), Aside()
     agent = agent_of(planner, None, layer)

@@ -55,6 +55,7 @@ class OneMind(MetaPlanner):
     """
 
     shared_rng = True
+    timed = False
 
     def __init__(self, name: str, context: PlannerContext, make_predictor: MakePredictor) -> None:
         _check_team(name, context.team)
