@@ -23,11 +23,12 @@ from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.planner import PRESETS
 from hpp_framework.core.schedule import Schedule, make_schedule
 from hpp_framework.core.team import Team
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.world import World
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.distances import curve_file, distance_curves, write_bands, write_curves
 from hpp_framework.evaluation.marl_eval import marl_eval_layout
-from hpp_framework.evaluation.rollout import Episodes, Watcher, run_episodes
+from hpp_framework.evaluation.rollout import EPISODE_STEPS, Episodes, Watcher, run_episodes
 from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
@@ -103,8 +104,19 @@ class Experiment:
         return parse_team(self.team, skill=self.skill)
 
     def make_schedule(self, team: Team) -> Schedule:
-        """Return who of the team takes part when, and the task that they have then."""
-        return make_schedule(team, lambda part: make_task(self.task, part.robots, part.ids))
+        """Return who of the team takes part when, and the task that they have then.
+
+        Raises:
+            ConfigError: if the last robot joins when episodes are over.
+        """
+        schedule = make_schedule(team, lambda part: make_task(self.task, part.robots, part.ids))
+        first = next(stage.first for stage in schedule if stage.complete)
+        if first >= EPISODE_STEPS:
+            raise ConfigError(
+                f"the last robot joins at {first * CONTROL_PERIOD:g} s, but episodes end after "
+                f"{EPISODE_STEPS * CONTROL_PERIOD:g} s; lower its joins_at."
+            )
+        return schedule
 
     def agent_config(self, planner: str) -> AgentConfig:
         """Return what the agents of one of the planners have in common."""
@@ -139,7 +151,7 @@ def read_experiment(file: Path, command: str) -> Experiment:
         values[name] = tuple(map(str, values[name]))
     try:
         values["noise"] = NoiseModel(**values["noise"])
-    except TypeError as error:
+    except (TypeError, ConfigError) as error:
         raise ConfigError(f"'{file}' describes no experiment: noise is wrong ({error}). {remedy}") from error
     return Experiment(**values)
 

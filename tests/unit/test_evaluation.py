@@ -29,7 +29,7 @@ COLUMNS = {
     "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low",
     "success_high", "first_contact", "time_median_s", "bound_median_s", "time_over_bound_median", "rpl",
     "price_median", "collision_episodes", "obstacle_episodes", "robot_episodes", "final_distance_mean_m",
-    "goal_gap_median_m", "agreed",
+    "goal_gap_median_m", "agreed", "control", "estimator", "disturbances",
     "agreement_median_s", "side_flips_mean", "chase_mean", "plan_ms_median",
 }  # fmt: skip
 

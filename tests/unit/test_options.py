@@ -166,7 +166,7 @@ def test_an_environment_lets_an_option_run_until_it_is_over(blind_team):
     env = RendezvousEnv(blind_team, world="simple", config=config, teammates="centralized-rp")
     env.reset(seed=1, options={"poses": [[-8, -8, 0.8], [8, 8, 0]]})
     assert env.action_space.shape == (3,)
-    goal = (np.array([-6.5, -6.5]) - env.episode.poses[:, :2].mean(0)) / config.reach
+    goal = (np.array([-3.0, -3.0]) - env.episode.poses[:, :2].mean(0)) / config.reach
     *_, info = env.step(np.array([-1.0, -1.0, -1.0]))
     assert (info["option"], info["started"]) == ("pure-pursuit", True)
     assert 5 < info["steps"] <= 40

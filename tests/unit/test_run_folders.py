@@ -12,7 +12,7 @@ import torch
 
 from hpp_framework.cli.main import main
 from hpp_framework.core.disturbances import NoiseModel
-from hpp_framework.core.planner import Belief, MetaPlanner
+from hpp_framework.core.planner import Decision, MetaPlanner, certain
 from hpp_framework.core.world import World
 from hpp_framework.evaluation import showcase as film
 from hpp_framework.evaluation.experiment import Experiment, read_experiment, run_experiment
@@ -181,7 +181,7 @@ def test_the_config_holds_versions_and_planner_parameters(tmp_path):
     run_experiment(both, tmp_path)
     config = json.loads((tmp_path / "config.json").read_text())
     assert config["versions"]["torch"] == torch.__version__
-    assert config["planner_configs"]["centralized-mp"] is None
+    assert config["planner_configs"]["centralized-mp"] == {"plan_every": 10}
     assert config["planner_configs"]["hpp"]["predictor"] == "far-sighted"
     assert read_experiment(tmp_path / "config.json", "evaluate") == both
     config["versions"]["torch"] = "0.1"
@@ -190,7 +190,7 @@ def test_the_config_holds_versions_and_planner_parameters(tmp_path):
 
 
 class Centre(MetaPlanner):
-    """Sends everybody to the middle of the bounds it was told."""
+    """Sends all robots to the middle of the bounds it was told."""
 
     def __init__(self, context):
         x_min, y_min, x_max, y_max = context.bounds
@@ -198,7 +198,7 @@ class Centre(MetaPlanner):
 
     def plan(self, observation, belief, rng):
         goal = self.goal.expand(len(observation.poses), 2)
-        return goal, Belief(goal, goal, torch.zeros_like(goal))
+        return Decision(goal, certain(goal))
 
 
 def test_planners_are_told_the_bounds_of_their_own_world(tmp_path, register):

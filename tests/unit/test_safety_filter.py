@@ -113,5 +113,5 @@ def test_rows_do_not_depend_on_each_other(fetch, torch_rng):
 
 @pytest.mark.parametrize("wrong", [{"margin": -0.1}, {"memory": 13}, {"way_out": float("nan")}])
 def test_wrong_settings_are_refused(wrong):
-    with pytest.raises(ConfigError, match=f"safety-filter: {next(iter(wrong))}"):
+    with pytest.raises(ConfigError, match=f"safety filter: '{next(iter(wrong))}' must be"):
         SafetyFilterConfig(**wrong)

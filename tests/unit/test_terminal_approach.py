@@ -56,7 +56,7 @@ def test_two_robots_make_for_the_goal_itself():
     team = team_of(2)
     task = rendezvous(team)
     assert task.targets(torch.zeros(1, 2), torch.zeros(1, 2, 3)) is None
-    assert not TerminalApproach(team.robots, 0, task).spots
+    assert not TerminalApproach(team.robots, 0, task).own_targets
 
 
 def test_targets_keep_the_order_around_the_goal_and_stay_when_reached():
@@ -232,7 +232,7 @@ def test_near_each_other_two_drive_to_their_middle_and_turn_meanwhile(begun):
     stance, near = layer.stance_among(seen, torch.tensor([[-9.0, -9.0]]))
     assert bool(near)
     assert stance[0, :2].tolist() == pytest.approx([0.0, 0.0], abs=1e-5)
-    assert layer.two
+    assert not layer.own_targets
     command = layer.filter(seen, torch.tensor([[-9.0, -9.0]]), torch.zeros(1, 2))[0]
     assert command[0] > 0
     assert command[1] < 0, "it looks to the left of its mate"
@@ -268,7 +268,7 @@ def test_formations_are_left_to_the_skill(count):
     ("wrong", "words"),
     [
         ({"near": -1.0}, "near must be 0 m or more"), ({"gap": math.inf}, "gap must be 0 m or more"),
-        ({"slows": 0.6}, "slow down before it stops"), ({"careful": 0.0}, "careful is a share above 0"),
+        ({"slows": 1.6}, "slow down before it stops"), ({"careful": 0.0}, "careful is a share above 0"),
     ],
 )  # fmt: skip
 def test_wrong_settings_are_refused(wrong, words):

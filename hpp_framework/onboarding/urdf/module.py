@@ -17,7 +17,7 @@ HEAD = '''"""A robot whose numbers were read off {file}; where each came from st
 
 from __future__ import annotations
 
-from hpp_framework.robot import DriveLimits, Lidar, Part, RobotSpec
+from hpp_framework.core.robot import DriveLimits, Lidar, Part, RobotSpec
 '''
 
 
