@@ -85,10 +85,14 @@ def make_policy(text: str, context: PlannerContext) -> Policy:
 def _make(text: str, context: PlannerContext, *, policy: bool) -> Any:
     choice = parse_planner(text)
     registry = hub().policies if policy else hub().planners
-    told = replace(context, preset=choice.preset or context.preset, settings=choice.settings)
-    made = registry.create(choice.name, told)
-    shared = {name: value for name, value in context.settings.items() if has_setting(made, name)}
-    if shared:
+    settings = {**context.settings, **choice.settings}
+    told = replace(context, preset=choice.preset or context.preset, settings=settings)
+    try:
+        made = registry.create(choice.name, told)
+    except ConfigError:
+        # settings of all may be unknown to this planner; those that it knows must be right
+        made = registry.create(choice.name, replace(told, settings=choice.settings))
+        shared = {name: value for name, value in context.settings.items() if has_setting(made, name)}
         told = replace(told, settings={**shared, **choice.settings})
         made = registry.create(choice.name, told)
     config = getattr(made, "config", None)

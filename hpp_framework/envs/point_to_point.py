@@ -135,6 +135,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def _seed(self, seed: int) -> None:
         self.rng = torch_rng(seed, "point-to-point")
         self._seeds = [child_seed(seed, row) for row in range(self.worlds_count)]
+        self._reseeded = True
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -165,7 +166,12 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self._dwelt = torch.zeros(shape, dtype=torch.int64)
         self._age = torch.zeros(shape, dtype=torch.int64)
         state = self._restart(torch.ones(shape, dtype=torch.bool), torch.full((*shape, 3), 1e6))
-        self._batch.start(state, self._seeds)
+        if self._reseeded:
+            self._batch.start(state, self._seeds)
+        else:
+            # unseeded, noise goes on from where it is
+            self._batch.sensing.reset(state, self._batch.sensing.rng)
+        self._reseeded = False
         self._left = self.tasks.left(state.poses.cpu())
         return self._observe(), {}
 

@@ -140,7 +140,8 @@ def test_a_value_that_is_refused_at_import_is_named_with_its_line(register, tmp_
     (finding,) = error.value.findings
     assert finding.rule.name == "build"
     assert finding.what == (
-        "gives a value that is refused: turn_rate must be a positive number, got -2.0. (test_odd_rover.py:3)"
+        "gives a value that is refused: drive limits: 'turn_rate' must be greater than 0, got -2.0. "
+        "Use a positive number. (test_odd_rover.py:3)"
     )
     assert finding.rule.fix == "a value that it accepts."
 

@@ -68,7 +68,7 @@ def test_the_default_stack_has_all_bundled_layers():
         ("safety-filter:margin=0:margin=1", ConfigError, "margin"),
         ("safety-filter:margn=1", ConfigError, "layer 'safety-filter'.*margn.*'margin'"),
         ("safety-filter:margin=wide", ConfigError, "margin"),
-        ("safety-filter:margin=-1", ConfigError, "margin must be 0 m or more"),
+        ("safety-filter:margin=-1", ConfigError, "'margin' must be at least 0"),
         ("stop-on-success:beyond=-1", ConfigError, "beyond >= 0"),
     ],
 )

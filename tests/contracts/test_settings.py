@@ -61,7 +61,7 @@ def test_planners_have_settings_of_their_own_before_those_of_all(context):
     found = parameters(planner)
     assert found is not None
     assert (found["predictor"], found["horizon"], found["keep"]) == ("constant-velocity", 3, 0.0)
-    assert parameters(make_planner("centralized-mp", context)) is None
+    assert parameters(make_planner("centralized-rp", context)) is None
 
 
 def test_a_planner_may_have_a_preset_of_its_own():
@@ -83,10 +83,17 @@ def test_policies_are_named_like_planners(context, register):
 
 
 def test_settings_of_a_planner_without_parameters_are_refused(context, tmp_path):
-    with pytest.raises(ConfigError, match="'centralized-mp' has no settings"):
-        make_planner("centralized-mp:keep=1", context)
-    with pytest.raises(ConfigError, match="no planner has settings"):
-        run_experiment(replace(TINY, planners=("centralized-mp",), settings={"keep": 1}), tmp_path)
+    with pytest.raises(ConfigError, match="'centralized-rp' has no settings"):
+        make_planner("centralized-rp:keep=1", context)
+    for planner, message in (("centralized-rp", "has no settings"), ("centralized-mp", "is no setting of")):
+        with pytest.raises(ConfigError, match=message):
+            run_experiment(replace(TINY, planners=(planner,), settings={"keep": 1}), tmp_path)
+
+
+def test_settings_of_all_planners_reach_those_that_have_them(context):
+    told = replace(context, settings={"horizon": 3, "predictor": "constant-velocity"})
+    assert parameters(make_planner("hpp", told))["horizon"] == 3
+    assert parameters(make_planner("centralized-mp", told)) == {"plan_every": 10}
 
 
 def test_a_planner_that_ignores_settings_is_noticed(context, register):
