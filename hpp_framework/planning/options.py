@@ -209,7 +209,7 @@ def options(context: PlannerContext) -> OptionsPlanner:
     planners: list[LatticePlanner] = []
     models: list[Predictor] = []
     for skill, predictor in config.pairs():
-        team = _with_skill(context.team, context.agent, skill)
+        team = _with_skill(context.team.as_believed_by(context.agent), context.agent, skill)
         request = PredictorRequest(team=team, agent=context.agent, folders=context.weights)
         own: Predictor = hub().predictors.create(predictor, request)
         models.append(OwnMotion(models[0], own) if models else own)
