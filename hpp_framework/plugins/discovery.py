@@ -7,18 +7,18 @@ one is not even imported.
 
 from __future__ import annotations
 
-from importlib.metadata import Distribution, EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points, version
 from threading import RLock
 
 from packaging.requirements import InvalidRequirement, Requirement
 from packaging.utils import canonicalize_name
 
-from hpp_framework import __version__
 from hpp_framework.plugins.registry import BrokenPlugin, Hub
 from hpp_framework.utils.errors import PluginError
 
 PLUGIN_GROUP = "hpp_framework.plugins"
 FRAMEWORK = "hpp-framework"
+VERSION = version(FRAMEWORK)
 
 _lock = RLock()
 _loading: list[str] = []
@@ -100,10 +100,10 @@ def _requirements(distribution: Distribution) -> list[Requirement]:
 
 def _check_version(distribution: Distribution, origin: str) -> None:
     for requirement in _requirements(distribution):
-        if not requirement.specifier.contains(__version__, prereleases=True):
+        if not requirement.specifier.contains(VERSION, prereleases=True):
             raise PluginError(
-                f"{origin} was built for {requirement}, but this is {FRAMEWORK} {__version__}. Install a "
-                f"version of {distribution.name} made for {__version__}, or the {FRAMEWORK} that it asks for."
+                f"{origin} was built for {requirement}, but this is {FRAMEWORK} {VERSION}. Install a "
+                f"version of {distribution.name} made for {VERSION}, or the {FRAMEWORK} that it asks for."
             )
 
 
@@ -113,6 +113,6 @@ def _version_hint(distribution: Distribution | None, error: BaseException) -> st
     if not silent or "hpp_framework" not in str(error):
         return ""
     return (
-        f" It does not say which {FRAMEWORK} it was built for, maybe another than {__version__}: its project "
+        f" It does not say which {FRAMEWORK} it was built for, maybe another than {VERSION}: its project "
         f'should have dependencies = ["{FRAMEWORK}>=X.Y,<X.Z"].'
     )
