@@ -15,11 +15,13 @@ CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
 UNCHECKED = {
     # Warp compiles the source of its kernels; wrapping them breaks that
     "hpp_framework.control.safety_kernels",
+    "hpp_framework.control.separation_kernels",
     "hpp_framework.sim.batch.kernels",
     "hpp_framework.sim.batch.drive_kernels",
     "hpp_framework.sim.batch.lidar_kernels",
     "hpp_framework.prediction.one_step_kernels",
     "hpp_framework.perception.local_map_kernels",
+    "hpp_framework.perception.estimators.tracker_kernels",
     "hpp_skills.dwa.window_kernels",
     "hpp_tasks.parking_kernels",
 }

@@ -30,6 +30,10 @@ def restricted(observation: Observation, present: Sequence[int]) -> Observation:
         scans=observation.scans,
         velocity=observation.velocity,
         keyframes=None if kept is None else Keyframes(kept.poses[:, :, chosen], kept.scans),
+        velocities=None if observation.velocities is None else observation.velocities[:, chosen],
+        std=None if observation.std is None else observation.std[:, chosen],
+        ages=None if observation.ages is None else observation.ages[:, chosen],
+        scan_age=observation.scan_age,
     )
 
 

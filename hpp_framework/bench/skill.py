@@ -12,14 +12,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hpp_framework.bench.measurement import Measurement, Settings, SkippedError, rates, timed
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.skill import SkillTraining
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.seeding import numpy_rng
 
-NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=0.02, dropout=0.01)
+DISTURBANCES = Disturbances(position_std=0.02, heading_std=0.02, scan_std=0.02, lost_beams=0.01)
 """Of the navigation environment, moderate."""
 
 
@@ -33,7 +33,7 @@ def skill(settings: Settings) -> Iterator[Measurement]:
 def _environment(robot: str, settings: Settings) -> Measurement:
     count = settings.pick(4, 512, 512)
     env = PointToPointVectorEnv(
-        count, robot=robot, pool_size=settings.pick(1, 64, 64), robots_per_world=2, noise=NOISE,
+        count, robot=robot, pool_size=settings.pick(1, 64, 64), robots_per_world=2, disturbances=DISTURBANCES,
         seed=settings.seed, device=settings.device,
     )  # fmt: skip
     env.reset(seed=settings.seed)

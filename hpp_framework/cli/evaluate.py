@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,9 +17,9 @@ from hpp_framework.cli.evaluate_tables import (
     comparison_table,
     summary_table,
 )
-from hpp_framework.cli.options import Noise, Pairs, names, to_experiment
+from hpp_framework.cli.options import Pairs, names, to_experiment
 from hpp_framework.cli.progress import cell_bars
-from hpp_framework.plugins.builtin import DEFAULT_CONTROL
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL, DEFAULT_DISTURBANCES, DEFAULT_ESTIMATOR
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.run_folder import RunFolder
 
@@ -67,8 +67,11 @@ class Evaluate:
     save: str = ""
     """Episodes of each world and planner to keep for 'hpp inspect' (run again at the end): numbers, or
     failures, touched, best, median, worst, all; separated by commas."""
-    noise: Noise = field(default_factory=Noise)
-    """Disturbances of what agents observe."""
+    disturbances: str = DEFAULT_DISTURBANCES
+    """Of sensing and acting: ideal, paper, field or harsh, with settings or without, e.g.
+    field:command_delay=0.4:nan_beams=0.01."""
+    estimator: str = DEFAULT_ESTIMATOR
+    """Registered estimator of all agents, with settings or without, e.g. tracker:noise=2."""
     judge: tyro.conf.OmitSubcommandPrefixes[
         Annotated[EvaluateSkill, tyro.conf.subcommand("skill")]
         | Annotated[EvaluatePredictor, tyro.conf.subcommand("predictor")]

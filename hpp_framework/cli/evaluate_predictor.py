@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hpp_framework.cli.options import Noise, names
+from hpp_framework.cli.options import names
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.plugins.builtin import DEFAULT_DISTURBANCES, DEFAULT_ESTIMATOR
 from hpp_framework.utils.run_folder import RunFolder
 
 TABLE_WIDTH = 120
@@ -44,11 +45,13 @@ class EvaluatePredictor:
     weights: str = ""
     """Extra folders searched for predictor weights, separated by commas."""
     seed: int = 0
-    """Seed of worlds, starts, goals and noise."""
+    """Seed of worlds, starts, goals and disturbances."""
     out: Path = Path("out/predictor")
     """Folder to write to."""
-    noise: Noise = field(default_factory=Noise)
-    """Disturbances of what robots observe."""
+    disturbances: str = DEFAULT_DISTURBANCES
+    """Of sensing and acting: ideal, paper, field or harsh, with settings or without."""
+    estimator: str = DEFAULT_ESTIMATOR
+    """Registered estimator, with settings or without."""
 
     def run(self) -> None:
         """Ask, and print the errors."""
@@ -68,7 +71,8 @@ class EvaluatePredictor:
             trajectories=self.trajectories,
             seconds=self.seconds,
             weights=names(self.weights, "--weights") if self.weights else (),
-            noise=self.noise.model(),
+            disturbances=self.disturbances,
+            estimator=self.estimator,
             seed=self.seed,
         )
         with RunFolder(self.out).locked(), cell_bars("steps") as report:

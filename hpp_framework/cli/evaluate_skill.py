@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hpp_framework.cli.options import Noise, names
+from hpp_framework.cli.options import names
 from hpp_framework.cli.progress import cell_bars
+from hpp_framework.plugins.builtin import DEFAULT_DISTURBANCES, DEFAULT_ESTIMATOR
 from hpp_framework.utils.run_folder import RunFolder
 
 TABLE_WIDTH = 140
@@ -48,11 +49,13 @@ class EvaluateSkill:
     backend: Literal["batch", "sapien"] = "batch"
     """Simulator."""
     seed: int = 0
-    """Seed of worlds, starts, goals and noise."""
+    """Seed of worlds, starts, goals and disturbances."""
     out: Path = Path("out/skill")
     """Folder to write to."""
-    noise: Noise = field(default_factory=Noise)
-    """Disturbances of what the robot observes."""
+    disturbances: str = DEFAULT_DISTURBANCES
+    """Of sensing and acting: ideal, paper, field or harsh, with settings or without."""
+    estimator: str = DEFAULT_ESTIMATOR
+    """Registered estimator, with settings or without."""
 
     def run(self) -> None:
         """Run the episodes and print their summary."""
@@ -68,7 +71,8 @@ class EvaluateSkill:
             clearance=self.clearance,
             draw=self.draw,
             steps=self.steps,
-            noise=self.noise.model(),
+            disturbances=self.disturbances,
+            estimator=self.estimator,
             seed=self.seed,
             backend=self.backend,
         )

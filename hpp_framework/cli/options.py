@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import chain
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from hpp_framework.config.settings import parse_settings
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.utils.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -19,31 +18,6 @@ Pairs = Annotated[
     tuple[tuple[str, ...], ...], tyro.conf.arg(metavar="NAME=VALUE ..."), tyro.conf.UseAppendAction
 ]
 """Type of an option ``--set``: one or several pairs, given once or several times."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Noise:
-    """Disturbances of what agents observe."""
-
-    pose: float = 0.0
-    """Standard deviation of observed positions, in metres."""
-    heading: float = 0.0
-    """Standard deviation of observed headings, in radians."""
-    lidar: float = 0.0
-    """Standard deviation of ranges, in metres (the real sensor: 0.02)."""
-    dropout: float = 0.0
-    """Share of beams that miss."""
-    delay: int = 0
-    """Control steps of 0.2 s after which a robot hears of the others' poses."""
-    pose_dropout: float = 0.0
-    """Share of the others' poses that are lost on the way; the last one that came is moved on."""
-
-    def model(self) -> NoiseModel:
-        """Return the noise model."""
-        return NoiseModel(
-            position_std=self.pose, heading_std=self.heading, scan_std=self.lidar, dropout=self.dropout,
-            delay=self.delay, pose_dropout=self.pose_dropout,
-        )  # fmt: skip
 
 
 def names(text: str, option: str) -> tuple[str, ...]:
@@ -92,7 +66,8 @@ def to_experiment(
         seed=options.seed,
         task=options.task,
         skill=options.skill,
-        noise=options.noise.model(),
+        disturbances=options.disturbances,
+        estimator=options.estimator,
         weights=names(options.weights, "--weights") if options.weights else (),
         settings=parse_settings(list(chain(*options.set)), "--set"),
     )

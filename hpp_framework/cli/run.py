@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from hpp_framework.cli.options import Noise, Pairs, to_experiment
+from hpp_framework.cli.options import Pairs, to_experiment
 from hpp_framework.cli.progress import cell_bars
-from hpp_framework.plugins.builtin import DEFAULT_CONTROL
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL, DEFAULT_DISTURBANCES, DEFAULT_ESTIMATOR
 from hpp_framework.utils.run_folder import RunFolder
 
 
@@ -52,8 +52,11 @@ class Run:
     """Extra folders searched for weights of predictors and policies, separated by commas."""
     set: Pairs = ()
     """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
-    noise: Noise = field(default_factory=Noise)
-    """Disturbances of what agents observe."""
+    disturbances: str = DEFAULT_DISTURBANCES
+    """Of sensing and acting: ideal, paper, field or harsh, with settings or without, e.g.
+    field:command_delay=0.4:nan_beams=0.01."""
+    estimator: str = DEFAULT_ESTIMATOR
+    """Registered estimator of all agents, with settings or without, e.g. tracker:noise=2."""
 
     def run(self) -> None:
         """Run, film, and say where things are."""

@@ -59,9 +59,13 @@ def altered(config: Config, settings: Mapping[str, Any], owner: str) -> Config:
         ConfigError: if a name is unknown, or a value is of another type than the one it replaces; whatever
             the dataclass itself refuses.
     """
+    changes: dict[str, Any] = {}
     for name, value in settings.items():
-        config = _altered(config, name, name.split("."), value, owner)
-    return config
+        path = name.split(".")
+        inner = changes.get(path[0], getattr(config, path[0], None))
+        changes[path[0]] = _altered(config, inner, name, path, value, owner)
+    # at once: one value may only be right beside another
+    return replace(cast("Any", config), **changes)
 
 
 def setting(config: Any, name: str) -> Any:
@@ -76,19 +80,28 @@ def setting(config: Any, name: str) -> Any:
     return config
 
 
-def _altered(config: Any, name: str, path: list[str], value: Any, owner: str) -> Any:
+def _altered(config: Any, old: Any, name: str, path: list[str], value: Any, owner: str) -> Any:
+    """Return the new value of the field of a config that a dotted name begins with.
+
+    Args:
+        config: that has the field.
+        old: value of the field.
+        name: dotted, for messages.
+        path: the name from the field on.
+        value: that the name is to have.
+        owner: whose settings these are.
+    """
     known = {each.name: each for each in fields(config)}
     if path[0] not in known:
         remedy = unknown(path[0], list(known))
         raise ConfigError(f"'{name}' is no setting of {owner}: {path[0]!r} is unknown. {remedy}")
-    old = getattr(config, path[0])
     if is_dataclass(old) and len(path) > 1:
-        return replace(config, **{path[0]: _altered(old, name, path[1:], value, owner)})
+        inner = _altered(old, getattr(old, path[1], None), name, path[1:], value, owner)
+        return replace(cast("Any", old), **{path[1]: inner})
     if is_dataclass(old) or len(path) > 1:
         example = f"e.g. '{name}.{fields(old)[0].name}'" if is_dataclass(old) else f"it ends at '{path[0]}'"
         raise ConfigError(f"'{name}' names no single setting of {owner}; {example}.")
-    value = _like(old, value, name, owner, may_be_none="None" in str(known[path[0]].type))
-    return replace(config, **{path[0]: value})
+    return _like(old, value, name, owner, may_be_none="None" in str(known[path[0]].type))
 
 
 def _like(old: Any, value: Any, name: str, owner: str, *, may_be_none: bool) -> Any:

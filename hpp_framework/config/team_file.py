@@ -12,11 +12,12 @@ from typing import Annotated, Any, cast
 
 from pydantic import AfterValidator, Field, model_validator
 
+from hpp_framework.config.sensing_choice import parse_disturbances
 from hpp_framework.config.yaml_files import FileModel, checked, is_yaml, read_yaml
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.team import Member, Team
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import Registry, hub
+from hpp_framework.utils.errors import HppError
 from hpp_framework.utils.validation import LISTED, NonNegative, Text, filled, mistake, unknown
 
 is_team_file = is_yaml
@@ -34,6 +35,14 @@ def _registered(noun: str) -> AfterValidator:
         return text
 
     return AfterValidator(check)
+
+
+def _profile(text: str) -> str:
+    try:
+        parse_disturbances(text)
+    except HppError as error:
+        raise mistake(f"is wrong: {str(error).removesuffix('.')}", "") from error
+    return text
 
 
 def _folder(text: str, info: Any) -> str:  # a ValidationInfo, which beartype cannot check
@@ -67,7 +76,7 @@ class Defaults(FileModel):
     skill: Skill | None = None
     planner: Planner | None = None
     control: Text | None = None
-    noise: NoiseModel = NoiseModel()
+    disturbances: Annotated[Text, AfterValidator(_profile)] | None = None
 
 
 class MemberEntry(Defaults):
@@ -159,15 +168,13 @@ def effective_team(content: object, file: Path) -> dict[str, Any]:
     members: list[dict[str, Any]] = []
     for member, entry in zip(team.members, cast("Any", content)["members"], strict=True):
         own = _said(member, entry)
-        noise = {**shared.get("noise", {}), **own.get("noise", {})}
-        members.append({**shared, **own, **({"noise": noise} if noise else {})})
+        members.append({**shared, **own})
     return {"members": members}
 
 
 def _said(checked_entry: Defaults, entry: Any) -> dict[str, Any]:
     """Return what a part of a team file says, without what it leaves out."""
-    said = checked_entry.model_dump(exclude_unset=True, exclude_none=True, exclude={"members", "noise"})
-    return {**said, **({"noise": entry["noise"]} if entry.get("noise") else {})}
+    return checked_entry.model_dump(exclude_unset=True, exclude_none=True, exclude={"members"})
 
 
 def build_team(content: Mapping[str, Any], *, skill: str) -> Team:
@@ -206,6 +213,6 @@ def _build_member(entry: Mapping[str, Any], plain: Mapping[str, Member], skill: 
         control=entry.get("control"),
         believes=believes,
         weights=weights,
-        noise=entry.get("noise", {}),
+        disturbances=entry.get("disturbances"),
         **{name: entry[name] for name in ("joins_at", "leaves_at") if name in entry},
     )

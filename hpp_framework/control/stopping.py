@@ -50,6 +50,8 @@ class Halting:
 
 def motion(observation: Observation) -> tuple[Float[Tensor, "b n"], Float[Tensor, "b n"]]:
     """Return everybody's speed (m/s) and turn rate (rad/s)."""
+    if observation.velocities is not None:
+        return observation.velocities[..., 0], observation.velocities[..., 1]
     poses = observation.team_poses
     steps = min(SPEED_STEPS, observation.poses.shape[1] - 1)
     if steps == 0:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.utils.errors import ConfigError
 
@@ -32,8 +31,7 @@ class Member:
             Of itself it may be wrong about its skill.
         weights: folder of the predictor weights by which it predicts a robot, by that robot's id (its own is
             possible); robots that are not named are looked for in the folders of everybody.
-        noise: of what this robot observes, by name of :class:`~hpp_framework.core.disturbances.NoiseModel`,
-            instead of that of everybody.
+        disturbances: of its sensing and acting, as an experiment names them; None for those of all robots.
         joins_at: seconds from which on it takes part; it stands until then.
         leaves_at: seconds from which on it stands and takes part no longer; None for never.
     """
@@ -45,7 +43,7 @@ class Member:
     control: str | None = None
     believes: Mapping[str, Member] = _mapping()
     weights: Mapping[str, Path] = _mapping()
-    noise: Mapping[str, Any] = _mapping()
+    disturbances: str | None = None
     joins_at: float = 0.0
     leaves_at: float | None = None
 
@@ -91,14 +89,6 @@ class Team:
     def part(self, chosen: Sequence[int]) -> Team:
         """Return the team of some of the robots, by their indices."""
         return Team(tuple(self.members[index] for index in chosen))
-
-    def noises(self, everybody: NoiseModel) -> list[NoiseModel]:
-        """Return what disturbs each robot's observations.
-
-        Args:
-            everybody: disturbances of robots that have no other.
-        """
-        return [replace(everybody, **member.noise) for member in self.members]
 
 
 def robot_index(name: str, ids: Sequence[str], role: str, default: int | None = None) -> int:

@@ -102,6 +102,11 @@ class Observation:
         scans: own lidar, oldest first.
         velocity: own forward speed (m/s) and turn rate (rad/s).
         keyframes: what it remembers beyond the history; None where nobody keeps them.
+        velocities: estimated speed (m/s) and turn rate (rad/s) of all robots; None where no estimator says.
+        std: standard deviations of each robot's position along each axis (m), heading (rad) and speed (m/s):
+            relative to the agent; of its own, in the world. None where no estimator says.
+        ages: seconds since each robot was last heard of or seen; None where no estimator says.
+        scan_age: seconds since the lidar last sent what can be believed; None where no estimator checks.
         privileged: what no robot knows, where the episodes are run by who does; None elsewhere. Only oracles
             may read it.
     """
@@ -111,12 +116,21 @@ class Observation:
     scans: Float[Tensor, "b h k"]
     velocity: Float[Tensor, "b 2"]
     keyframes: Keyframes | None = None
+    velocities: Float[Tensor, "b n 2"] | None = None
+    std: Float[Tensor, "b n 3"] | None = None
+    ages: Float[Tensor, "b n"] | None = None
+    scan_age: Float[Tensor, "b"] | None = None
     privileged: Privileged | None = field(default=None, repr=False)
 
     def episodes(self, chosen: slice | Int[Tensor, "k"]) -> Observation:
         """Return what the agent itself knows in some of the episodes."""
         kept = self.keyframes and Keyframes(self.keyframes.poses[chosen], self.keyframes.scans[chosen])
-        return Observation(self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept)
+        believed = (self.velocities, self.std, self.ages, self.scan_age)
+        velocities, std, ages, scan_age = (None if each is None else each[chosen] for each in believed)
+        return Observation(
+            self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept, velocities, std,
+            ages, scan_age,
+        )  # fmt: skip
 
     @property
     def pose(self) -> Float[Tensor, "b 3"]:

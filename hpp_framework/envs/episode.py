@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from hpp_framework.config.sensing_choice import make_estimators, parse_disturbances
 from hpp_framework.config.task_file import make_task
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.schedule import make_schedule
 from hpp_framework.core.task import Task
 from hpp_framework.core.team import Team
@@ -45,13 +45,15 @@ class EpisodeConfig:
 
     Attributes:
         task: registered task, with settings or without, a task file, or a task.
-        noise: disturbances of what agents observe.
+        disturbances: of sensing and acting: a profile, with settings or without, e.g. ``"field"``.
+        estimator: registered estimator of all agents, with settings or without.
         backend: simulator, ``"batch"`` or ``"sapien"``.
         max_steps: control steps before truncation (100 are 20 s, as in the paper).
     """
 
     task: str | Task = "rendezvous"
-    noise: NoiseModel = NoiseModel()
+    disturbances: str = "ideal"
+    estimator: str = "none"
     backend: str = "batch"
     max_steps: Count = 100
 
@@ -62,7 +64,7 @@ class TeamEpisode:
     Args:
         team: a team, or text such as ``"fetch,freight"``.
         world: a world, a registered world or a world file; a registered one is drawn afresh each episode.
-        config: task, noise, backend, length.
+        config: task, disturbances, estimator, backend, length.
     """
 
     world: World
@@ -75,8 +77,13 @@ class TeamEpisode:
         self.task = self._task_of(self.team)
         self._draw_world = resolve_world(world) if isinstance(world, str) else lambda _: world
         self.schedule = make_schedule(self.team, self._task_of)
+        texts = [member.disturbances or config.disturbances for member in self.team.members]
+        disturbances = [parse_disturbances(text) for text in texts]
         self._batch = EpisodeBatch(
-            make_simulator(config.backend, robots), self.schedule, noise=self.team.noises(config.noise)
+            make_simulator(config.backend, robots),
+            self.schedule,
+            disturbances=disturbances,
+            estimators=make_estimators(config.estimator, robots, disturbances),
         )
         self._picture = Picture(robots)
         self.started = False
@@ -85,7 +92,7 @@ class TeamEpisode:
         """Start an episode that depends on the seed only.
 
         Args:
-            seed: of the world, the starts and the noise.
+            seed: of the world, the starts and the disturbances.
             poses: starts (n, 3) instead of drawn ones; an array or nested lists.
 
         Raises:

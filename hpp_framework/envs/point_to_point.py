@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 from torch import Tensor
 
 from hpp_framework.core import geometry
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL, Disturbances
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import State
@@ -70,14 +70,14 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         pool_size: number of different worlds.
         robots_per_world: robots that share a world.
         problem: arrival and rewards.
-        noise: disturbances of scans and poses.
+        disturbances: of sensing and acting.
         seed: of the pool of worlds.
         device: torch device.
         pool: worlds drawn already, instead of ``world``, ``pool_size`` and ``seed``.
         unit_actions: whether actions lie in [-1, 1] and are scaled to the drive limits, or are m/s and rad/s.
         autoreset: whether a robot whose episode ended begins the next in the same step (Gymnasium's
             ``SAME_STEP``); else everybody waits for :meth:`reset`.
-        practice: disturbances of training instead of ``noise``, or None.
+        practice: of training, instead of ``disturbances``, or None.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012  # Gymnasium's own form
@@ -91,7 +91,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         pool_size: int = 64,
         robots_per_world: int = 1,
         problem: PointToPoint | None = None,
-        noise: NoiseModel | None = None,
+        disturbances: Disturbances = IDEAL,
         seed: int = 0,
         device: str = "cpu",
         pool: WorldPool | None = None,
@@ -113,7 +113,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.robot = hub().robots.create(robot) if isinstance(robot, str) else robot
         self.problem = problem or PointToPoint()
         self.practice = practice
-        self.noise = practice.noise if practice else noise or NoiseModel()
+        self.disturbances = practice.disturbances if practice else disturbances
         self.num_envs = num_envs
         self.worlds_count = num_envs // robots_per_world
         self.robots_per_world = robots_per_world
@@ -125,7 +125,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.simulator = BatchSimulator([self.robot] * robots_per_world, device=device)
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
         # skills see the present only
-        self._batch = EpisodeBatch(self.simulator, noise=self.noise, history=1, keyframes=0)
+        self._batch = EpisodeBatch(self.simulator, disturbances=self.disturbances, history=1, keyframes=0)
         self.single_observation_space = observation_space(self.robot, guided=practice is not None)
         self.single_action_space = unit_space() if unit_actions else command_space(self.robot)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, num_envs)
@@ -169,8 +169,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         if self._reseeded:
             self._batch.start(state, self._seeds)
         else:
-            # unseeded, noise goes on from where it is
-            self._batch.sensing.reset(state, self._batch.sensing.rng)
+            # unseeded, disturbances go on from where it is
+            self._batch.sensing.reset(state, self._batch.sensing.sensors.rng)
         self._reseeded = False
         self._left = self.tasks.left(state.poses.cpu())
         return self._observe(), {}
@@ -267,7 +267,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def _begin(self, chosen: Tensor, state: State) -> None:
         """Begin new episodes of the chosen robots (worlds, robots)."""
         fresh = self._restart(chosen, state.poses.cpu())
-        self._batch.sensing.restart(fresh, chosen)
+        self._batch.restart(fresh, chosen)
         self._left = self.tasks.left(fresh.poses.cpu())
 
     def _score(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
@@ -312,8 +312,9 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
 
     def _draw_disturbances(self, practice: Practice, worlds: Tensor) -> None:
         strength, late, drive = torch.rand(3, len(worlds), generator=self.rng)
-        before = strength if self._batch.sensing.intensity is None else self._batch.sensing.intensity
-        self._batch.sensing.intensity = torch.where(worlds, strength, before)
+        sensors = self._batch.sensing.sensors
+        before = strength if sensors.intensity is None else sensors.intensity
+        sensors.intensity = torch.where(worlds, strength, before)
         self._late = torch.where(worlds, late < practice.late, self._late)
         weakest = practice.weakest_drive
         self._drive = torch.where(worlds, weakest + (1 - weakest) * drive, self._drive)
@@ -340,6 +341,6 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def _guide(self) -> Tensor:
         bearing = self.tasks.direction(self._poses)
         time_left = 1 - self._age / self.problem.max_steps
-        assert self._batch.sensing.intensity is not None
-        intensity = self._batch.sensing.intensity[:, None].expand_as(bearing)
+        assert self._batch.sensing.sensors.intensity is not None
+        intensity = self._batch.sensing.sensors.intensity[:, None].expand_as(bearing)
         return torch.stack([self._left / 10, bearing.cos(), bearing.sin(), time_left, intensity], -1)

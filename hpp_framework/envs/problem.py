@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.utils.validation import Share, validated
 
 
@@ -49,15 +49,17 @@ class Practice:
     tens, cosine and sine of the path's bearing, the share of time left, and the strength of the disturbances.
 
     Attributes:
-        noise: strongest disturbances; a world has a share of them between 0 and 1.
+        disturbances: the strongest; a world has a share of them between 0 and 1.
         late: share of worlds in which commands take effect one control period late.
         weakest_drive: smallest share of the top speeds and accelerations that a robot has.
         end_on_touch: share of touches that end an episode as a failure.
         detours: share of tasks that lead to the goal with the longest detour among some.
     """
 
-    noise: NoiseModel = field(
-        default_factory=lambda: NoiseModel(position_std=0.06, heading_std=0.06, scan_std=0.03, dropout=0.08)
+    disturbances: Disturbances = field(
+        default_factory=lambda: Disturbances(
+            position_std=0.06, heading_std=0.06, scan_std=0.03, lost_beams=0.08
+        )
     )
     late: Share = 0.1
     weakest_drive: Share = 0.8

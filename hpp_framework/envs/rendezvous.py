@@ -70,7 +70,7 @@ class HierarchyConfig:
         teammates_control: control stack of the teammates.
         preset: of the teammates' planners.
         weights: extra folders searched for the teammates' predictor weights.
-        episode: task, noise, backend, length in control steps.
+        episode: task, disturbances, backend, length in control steps.
     """
 
     plan_every: Count = PLAN_EVERY
@@ -92,7 +92,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         world: a world, a registered world or a world file; a registered one is drawn afresh at each reset.
         learner: index of the robot that is given goals.
         teammates: registered planner or policy of the other robots, or a factory of a planner.
-        config: planning period, control stacks, reach, task, noise, backend, length.
+        config: planning period, control stacks, reach, task, disturbances, backend, length.
         render_mode: ``"rgb_array"`` or None.
     """
 

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL, Disturbances
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
@@ -26,7 +26,7 @@ class PointToPointEnv(gym.Env[Any, Any]):
         world: registered world or world file that the pool is drawn from.
         pool_size: number of different worlds.
         problem: arrival and rewards.
-        noise: disturbances of scans and poses.
+        disturbances: of sensing and acting.
         seed: of the pool of worlds; episodes are seeded by :meth:`reset`.
         unit_actions: whether actions lie in [-1, 1] and are scaled to the drive limits.
         render_mode: ``"rgb_array"`` or None.
@@ -44,15 +44,15 @@ class PointToPointEnv(gym.Env[Any, Any]):
         world: str = "training",
         pool_size: int = 64,
         problem: PointToPoint | None = None,
-        noise: NoiseModel | None = None,
+        disturbances: Disturbances = IDEAL,
         seed: int = 0,
         unit_actions: bool = True,
         render_mode: str | None = None,
     ) -> None:
         self.render_mode = check_mode(render_mode)
         self._batch = PointToPointVectorEnv(
-            1, robot=robot, world=world, pool_size=pool_size, problem=problem, noise=noise, seed=seed,
-            unit_actions=unit_actions, autoreset=False,
+            1, robot=robot, world=world, pool_size=pool_size, problem=problem, seed=seed,
+            disturbances=disturbances, unit_actions=unit_actions, autoreset=False,
         )  # fmt: skip
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space

@@ -48,7 +48,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
         team: a team, or text such as ``"fetch,freight"`` or ``"alice=fetch,bob=freight"``; its ids are the
             agents.
         world: a world, a registered world or a world file; a registered one is drawn afresh at each reset.
-        config: task, noise, backend, length of episodes.
+        config: task, disturbances, backend, length of episodes.
         render_mode: ``"rgb_array"`` or None. ``"human"`` is accepted, as PettingZoo's tests ask, but
             rendering it is an error: there is no window.
     """

@@ -8,7 +8,7 @@ The loop that drives one::
         commands = [agent.act(episodes.observe(i)) for i, agent in enumerate(agents)]
         episodes.step(torch.stack(commands, 1))
 
-Seeds and noise belong to the episode: it runs the same, bit for bit, alone and in any batch.
+Seeds and disturbances belong to the episode: it runs the same, bit for bit, alone and in any batch.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL, Disturbances
+from hpp_framework.core.estimator import Estimator
 from hpp_framework.core.schedule import Stage
 from hpp_framework.core.types import Observation, Privileged, State
 from hpp_framework.core.world import World
+from hpp_framework.episodes.links import CommandLinks
 from hpp_framework.perception.sensing import HISTORY, KEYFRAMES, Sensing
 from hpp_framework.sim.simulator import Simulator
 from hpp_framework.utils.seeding import EpisodeRng, child_seed
@@ -35,7 +37,8 @@ class EpisodeBatch:
     Args:
         simulator: of the team.
         schedule: who takes part when, with the task of those who do; empty where nothing is judged.
-        noise: disturbances of what agents observe, the same for all or one for each robot.
+        disturbances: of sensing and acting, the same for all or one for each robot.
+        estimators: one for each agent; None takes what was sensed last as it is.
         history: entries that observations hold; fewer cost less.
         keyframes: that observations hold, one a second; 0 for none.
         shared: whether states may be the simulator's own memory, which the next step overwrites.
@@ -58,7 +61,8 @@ class EpisodeBatch:
         simulator: Simulator,
         schedule: Sequence[Stage] = (),
         *,
-        noise: NoiseModel | Sequence[NoiseModel] | None = None,
+        disturbances: Disturbances | Sequence[Disturbances] = IDEAL,
+        estimators: Sequence[Estimator] | None = None,
         history: int = HISTORY,
         keyframes: int = KEYFRAMES,
         shared: bool = False,
@@ -66,7 +70,10 @@ class EpisodeBatch:
         self.simulator = simulator
         self._advance = simulator.advance if shared else simulator.step
         self.schedule = tuple(schedule)
-        self.sensing = Sensing(simulator.robots, noise or NoiseModel(), history=history, keyframes=keyframes)
+        self.sensing = Sensing(
+            simulator.robots, disturbances, estimators, history=history, keyframes=keyframes
+        )
+        self._links = CommandLinks(self.sensing.disturbances)
         self.worlds: Sequence[World] = ()
 
     def begin(self, worlds: Sequence[World], starts: Float[Tensor, "b n 3"], seeds: Sequence[int]) -> None:
@@ -75,7 +82,7 @@ class EpisodeBatch:
         Args:
             worlds: one per episode.
             starts: poses in them.
-            seeds: of the noise, one per episode.
+            seeds: of the disturbances, one per episode.
         """
         self.start(self.simulator.reset(worlds, starts), seeds, worlds)
 
@@ -84,12 +91,13 @@ class EpisodeBatch:
 
         Args:
             state: of the simulator.
-            seeds: of the noise, one per episode.
+            seeds: of the disturbances, one per episode.
             worlds: one per episode, where oracles look on.
         """
         self.worlds = worlds
         self.state = state
         self.sensing.reset(state, EpisodeRng([child_seed(seed, "sensing") for seed in seeds]))
+        self._links.reset(EpisodeRng([child_seed(seed, "acting") for seed in seeds]))
         count = len(state.poses)
         self._left = list(self.schedule)
         self._stage = self._left.pop(0) if self._left else None
@@ -127,12 +135,23 @@ class EpisodeBatch:
         Args:
             commands: [v in m/s, omega in rad/s] of each robot; drive limits are applied.
         """
-        self.state = self._advance(commands)
-        self.sensing.update(self.state)
+        self.state = self._advance(self._links.delivered(commands))
+        self.sensing.update(self.state, commands)
         self.steps += 1
         if self._stage is not None:
             self._judge()
         return self.state
+
+    def restart(self, state: State, robots: Bool[Tensor, "b n"]) -> None:
+        """Go on after some of the robots have been put elsewhere.
+
+        Args:
+            state: of the simulator, after that.
+            robots: which.
+        """
+        self.state = state
+        self.sensing.restart(state, robots)
+        self._links.restart(robots)
 
     def _judge(self) -> None:
         while self._left and self._left[0].begun(self.steps - 1):

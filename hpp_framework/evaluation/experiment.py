@@ -17,9 +17,11 @@ import torch
 from hpp_framework.agents.build import AgentConfig, build_scheduled_agents
 from hpp_framework.config.control_choice import parse_control
 from hpp_framework.config.planner_choice import has_setting, parameters, parse_planner
+from hpp_framework.config.sensing_choice import make_estimators, parse_disturbances
 from hpp_framework.config.task_file import make_task
 from hpp_framework.config.team_file import build_team, effective_team, is_team_file, read_team_file
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
+from hpp_framework.core.estimator import Estimator
 from hpp_framework.core.planner import PRESETS
 from hpp_framework.core.schedule import Schedule, make_schedule
 from hpp_framework.core.team import Team
@@ -34,7 +36,7 @@ from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.turns import least_times
 from hpp_framework.plugins.build import parse_team
-from hpp_framework.plugins.builtin import DEFAULT_CONTROL
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL, DEFAULT_DISTURBANCES, DEFAULT_ESTIMATOR
 from hpp_framework.sim import BACKENDS, make_simulator
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_framework.utils.progress import Progress
@@ -43,8 +45,6 @@ from hpp_framework.utils.seeding import child_seed, numpy_rng
 from hpp_framework.worlds.loader import WorldFactory, resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 
-ESTIMATOR = "dead-reckoning"
-"""How late and lost poses are made up for; see :class:`~hpp_framework.perception.sensing.Sensing`."""
 CHUNK = {"batch": 100, "sapien": 5}
 
 Bounds = dict[int, float]
@@ -66,7 +66,8 @@ class Experiment:
         seed: of worlds, starts and agents.
         task: registered task, with settings or without, e.g. ``"formation:shape=ring"``, or a task file.
         skill: registered skill of every robot.
-        noise: disturbances of what agents observe.
+        disturbances: of sensing and acting: a profile, with settings or without, e.g. ``"field"``.
+        estimator: registered estimator of all agents, with settings or without, e.g. ``"tracker"``.
         weights: extra folders searched for predictor weights.
         settings: of every planner that has parameters, by dotted name.
         members: what a team file says, all defaults filled in; read from it unless given.
@@ -82,7 +83,8 @@ class Experiment:
     seed: int = 0
     task: str = "rendezvous"
     skill: str = "p2p"
-    noise: NoiseModel = NoiseModel()
+    disturbances: str = DEFAULT_DISTURBANCES
+    estimator: str = DEFAULT_ESTIMATOR
     weights: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
     members: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
@@ -118,6 +120,15 @@ class Experiment:
             )
         return schedule
 
+    def team_disturbances(self, team: Team) -> list[Disturbances]:
+        """Return what disturbs each robot of the team."""
+        texts = [member.disturbances or self.disturbances for member in team.members]
+        return [parse_disturbances(text) for text in texts]
+
+    def make_estimators(self, team: Team) -> list[Estimator]:
+        """Build the estimators of all agents."""
+        return make_estimators(self.estimator, team.robots, self.team_disturbances(team))
+
     def agent_config(self, planner: str) -> AgentConfig:
         """Return what the agents of one of the planners have in common."""
         return AgentConfig(
@@ -138,7 +149,7 @@ def read_experiment(file: Path, command: str) -> Experiment:
     """
     found = folder.read_config(file, command)
     kinds = {
-        "str": str, "int": int, "NoiseModel": dict, "tuple[str, ...]": list, "Mapping[str, Any]": dict,
+        "str": str, "int": int, "tuple[str, ...]": list, "Mapping[str, Any]": dict,
     }  # fmt: skip
     for name, default in folder.ADDED.items():
         found.setdefault(name, default)
@@ -149,10 +160,6 @@ def read_experiment(file: Path, command: str) -> Experiment:
     values: dict[str, Any] = {f.name: found[f.name] for f in fields(Experiment)}
     for name in ("worlds", "planners", "weights"):
         values[name] = tuple(map(str, values[name]))
-    try:
-        values["noise"] = NoiseModel(**values["noise"])
-    except (TypeError, ConfigError) as error:
-        raise ConfigError(f"'{file}' describes no experiment: noise is wrong ({error}). {remedy}") from error
     return Experiment(**values)
 
 
@@ -194,6 +201,7 @@ def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactor
             # a planner with parameters says which it has
             as_own = ":".join([planner, *(f"{name}={value}" for name, value in unknown.items())])
             build_scheduled_agents(team, schedule, experiment.agent_config(as_own), drawn[0].bounds)
+    experiment.make_estimators(team)
     make_simulator(experiment.backend, team.robots).close()
     return configs
 
@@ -226,8 +234,8 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
         worlds=experiment.worlds, planners=experiment.planners, preset=experiment.preset,
         rows=[row for row in rows if row.episode < experiment.episodes],
         about={
-            "team": experiment.team, "control": experiment.control, "estimator": ESTIMATOR,
-            "disturbances": "ideal" if experiment.noise == NoiseModel() else asdict(experiment.noise),
+            "team": experiment.team, "control": experiment.control, "estimator": experiment.estimator,
+            "disturbances": experiment.disturbances,
             "backend": experiment.backend, "seed": experiment.seed,
         },
     )  # fmt: skip
@@ -336,6 +344,7 @@ def run_drawn(
     agents = build_scheduled_agents(team, schedule, experiment.agent_config(planner), worlds[0].bounds)
     with make_simulator(experiment.backend, team.robots) as simulator:
         return run_episodes(
-            simulator, worlds, starts, agents, schedule, noise=team.noises(experiment.noise),
+            simulator, worlds, starts, agents, schedule, disturbances=experiment.team_disturbances(team),
+            estimators=experiment.make_estimators(team),
             seeds=[child_seed(experiment.seed, world, number) for number in drawn], watch=watch,
         )  # fmt: skip

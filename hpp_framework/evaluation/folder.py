@@ -27,8 +27,6 @@ RUN, EVALUATE = "run", "evaluate"
 
 ADDED: Mapping[str, Any] = {"settings": {}, "members": {}}
 """What experiments of older versions did not record, as they had it."""
-ADDED_NOISE: Mapping[str, Any] = {"delay": 0, "pose_dropout": 0.0}
-"""The same of their noise."""
 
 CONTENTS = {"world_files": "contents of world files", "task_file": "contents of the task file"}
 """Digests, as messages call them."""
@@ -107,8 +105,6 @@ def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
 def _differences(out: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> str:
     """Return what keeps an evaluation from being resumed; what an older version left out cannot differ."""
     found = {**ADDED, **recorded}
-    if isinstance(found.get("noise"), dict):
-        found["noise"] = {**ADDED_NOISE, **found["noise"]}
     if found.get("command", EVALUATE) != EVALUATE:
         raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
     unknown = {"command", "world_files", "task_file"} - found.keys()

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.predictor import Predictor, PredictorRequest
 from hpp_framework.core.team import Team
 from hpp_framework.evaluation import folder
@@ -63,8 +62,9 @@ class PredictorStudy:
         trajectories: a world.
         seconds: ahead, at most.
         weights: extra folders searched for weights.
-        noise: of what robots observe.
-        seed: of worlds, starts, goals and noise.
+        disturbances: of sensing and acting: a profile, with settings or without.
+        estimator: registered estimator, with settings or without.
+        seed: of worlds, starts, goals and disturbances.
         judged: tells the folder from one that compares planners or skills.
     """
 
@@ -77,7 +77,8 @@ class PredictorStudy:
         float, Field(strict=True, ge=0.2, le=60, allow_inf_nan=False, description="It is from 0.2 to 60 s.")
     ] = 12.0
     weights: tuple[str, ...] = ()
-    noise: NoiseModel = NoiseModel()
+    disturbances: str = "ideal"
+    estimator: str = "none"
     seed: int = 0
     judged: str = "predictors"
 
@@ -179,7 +180,8 @@ def _ask_all(
         trajectories=study.trajectories,
         seconds=study.seconds,
         seed=study.seed,
-        noise=study.noise,
+        disturbances=study.disturbances,
+        estimator=study.estimator,
     )
     found: Cells = {}
     for done, (name, predictors) in enumerate(models.items()):

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.config.sensing_choice import make_estimators, parse_disturbances
 from hpp_framework.core.predictor import Predictor
 from hpp_framework.core.team import Team
 from hpp_framework.core.timing import CONTROL_PERIOD
@@ -63,7 +63,7 @@ class Misses:
 
 
 def draw_questions(
-    team: Team, world: str, *, trajectories: int, seconds: float, seed: int, noise: NoiseModel
+    team: Team, world: str, *, trajectories: int, seconds: float, seed: int, disturbances: str, estimator: str
 ) -> list[Question]:
     """Drive a team through worlds drawn by seed and stop it, so to speak, at :data:`MOMENTS`.
 
@@ -72,8 +72,9 @@ def draw_questions(
         world: registered world or world file.
         trajectories: how many.
         seconds: that are to be predicted, at most.
-        seed: of worlds, starts, goals and noise.
-        noise: of what robots observe.
+        seed: of worlds, starts, goals and disturbances.
+        disturbances: of sensing and acting: a profile, with settings or without.
+        estimator: registered estimator, with settings or without.
 
     Raises:
         ConfigError: if the world cannot be made, or has no room for the team.
@@ -85,7 +86,11 @@ def draw_questions(
     )  # fmt: skip
     asked: list[tuple[list[Observation], Tensor]] = []
     positions: list[Tensor] = []
-    for moment in drive(team, config, "evaluation", noise=noise, keyframes=KEYFRAMES):
+    errors = [parse_disturbances(disturbances)] * len(team)
+    estimators = make_estimators(estimator, team.robots, errors)
+    for moment in drive(
+        team, config, "evaluation", disturbances=errors, estimators=estimators, keyframes=KEYFRAMES
+    ):
         positions.append(moment.state.poses[..., :2].clone())
         if moment.step in MOMENTS:
             asked.append(([_keep(own) for own in moment.observations], moment.goals))

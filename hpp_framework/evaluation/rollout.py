@@ -11,7 +11,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from hpp_framework.core.agent import Agent
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL, Disturbances
+from hpp_framework.core.estimator import Estimator
 from hpp_framework.core.schedule import Schedule, presence
 from hpp_framework.core.types import Observation, State
 from hpp_framework.core.world import World
@@ -82,7 +83,8 @@ def run_episodes(
     schedule: Schedule,
     *,
     seeds: Sequence[int],
-    noise: NoiseModel | Sequence[NoiseModel] | None = None,
+    disturbances: Disturbances | Sequence[Disturbances] = IDEAL,
+    estimators: Sequence[Estimator] | None = None,
     steps: int = EPISODE_STEPS,
     watch: Watcher | None = None,
 ) -> Episodes:
@@ -94,12 +96,13 @@ def run_episodes(
         starts: start poses.
         agents: in team order; reset here.
         schedule: who takes part when, with the task of those who do.
-        seeds: of agents and noise, one per episode.
-        noise: disturbances of what agents observe, the same for all or one for each robot.
+        seeds: of agents and disturbances, one per episode.
+        disturbances: of sensing and acting, the same for all or one for each robot.
+        estimators: one for each agent; None takes what was sensed last as it is.
         steps: control steps at most.
         watch: looks on, e.g. to draw pictures.
     """
-    batch = EpisodeBatch(simulator, schedule, noise=noise)
+    batch = EpisodeBatch(simulator, schedule, disturbances=disturbances, estimators=estimators)
     batch.begin(worlds, starts, seeds)
     for agent in agents:
         agent.reset(seeds)

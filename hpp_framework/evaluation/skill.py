@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.config.sensing_choice import make_estimators, parse_disturbances
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.timing import CONTROL_PERIOD
@@ -55,7 +55,8 @@ def evaluate_skill(
     goal_distance: tuple[float, float] = (5.0, 10.0),
     clearance: float = 0.15,
     steps: int = 200,
-    noise: NoiseModel | None = None,
+    disturbances: str = "ideal",
+    estimator: str = "none",
     backend: str = "batch",
     seed: int = 0,
 ) -> SkillScore:
@@ -71,16 +72,17 @@ def evaluate_skill(
         goal_distance: nearest and farthest goal, straight line, in metres.
         clearance: gap between the footprint and obstacles at start and goal and on some path, in metres.
         steps: control steps before an episode counts as failed (200 are 40 s).
-        noise: disturbances of what is observed.
+        disturbances: of sensing and acting: a profile, with settings or without.
+        estimator: registered estimator, with settings or without.
         backend: ``"batch"`` or ``"sapien"``.
-        seed: of worlds, starts, goals and noise.
+        seed: of worlds, starts, goals and disturbances.
 
     Raises:
         HppError: if the world or backend is unknown, or a world has no goal at the distance asked for.
     """
     trial = Trial(
         world=world, episodes=episodes, goal_distance=goal_distance, clearance=clearance, steps=steps,
-        noise=noise or NoiseModel(), backend=backend, seed=seed,
+        disturbances=disturbances, estimator=estimator, backend=backend, seed=seed,
     )  # fmt: skip
     return score(skill_episodes(skill, robot, trial))
 
@@ -142,11 +144,13 @@ def drive_tasks(
         simulator: of one robot.
         tasks: all of them.
         wanted: which.
-        trial: steps, noise and seed.
+        trial: steps, disturbances and seed.
         progress: called with the number of steps done.
     """
     goal = tasks.goals[wanted]
-    batch = EpisodeBatch(simulator, noise=trial.noise, keyframes=0)
+    disturbances = [parse_disturbances(trial.disturbances)]
+    estimators = make_estimators(trial.estimator, simulator.robots, disturbances)
+    batch = EpisodeBatch(simulator, disturbances=disturbances, estimators=estimators, keyframes=0)
     seeds = [child_seed(trial.seed, trial.world, number) for number in range(wanted.start, wanted.stop)]
     batch.begin(tasks.worlds[wanted], tasks.poses[wanted], seeds)
     done = torch.full((len(goal),), -1)

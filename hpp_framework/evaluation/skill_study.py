@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.competence import competence_card, competence_map, write_competence
@@ -40,7 +39,7 @@ class SkillStudy:
         robot: registered robot.
         worlds: registered worlds or YAML files.
         episodes: a skill and world.
-        goal_distance, clearance, draw, steps, noise, seed, backend: see :class:`Trial`.
+        goal_distance, clearance, draw, steps, disturbances, estimator, seed, backend: see :class:`Trial`.
         judged: tells the folder from one that compares planners.
     """
 
@@ -52,7 +51,8 @@ class SkillStudy:
     clearance: float = 0.05
     draw: Draw = "even"
     steps: int = 200
-    noise: NoiseModel = NoiseModel()
+    disturbances: str = "ideal"
+    estimator: str = "none"
     seed: int = 0
     backend: str = "batch"
     judged: str = "skills"
@@ -66,7 +66,7 @@ class SkillStudy:
         return Trial(
             world=world, episodes=self.episodes if episodes is None else episodes,
             goal_distance=self.goal_distance, clearance=self.clearance, draw=self.draw, steps=self.steps,
-            noise=self.noise, seed=self.seed, backend=self.backend,
+            disturbances=self.disturbances, estimator=self.estimator, seed=self.seed, backend=self.backend,
         )  # fmt: skip
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.validation import Count, NonNegative, Positive, validated
@@ -30,8 +29,9 @@ class Trial:
             clearance can reach. ``"even"``: tasks that fill the bins of the competence map evenly, as far
             as the worlds have them; passages may be so narrow that the footprint just fits.
         steps: control steps before an episode counts as failed (200 are 40 s).
-        noise: disturbances of what is observed.
-        seed: of worlds, starts, goals and noise.
+        disturbances: of sensing and acting: a profile, with settings or without.
+        estimator: registered estimator, with settings or without.
+        seed: of worlds, starts, goals and disturbances.
         backend: ``"batch"`` or ``"sapien"``.
     """
 
@@ -41,7 +41,8 @@ class Trial:
     clearance: NonNegative = 0.15
     draw: Draw = "uniform"
     steps: Count = 200
-    noise: NoiseModel = NoiseModel()
+    disturbances: str = "ideal"
+    estimator: str = "none"
     seed: int = 0
     backend: str = "batch"
 

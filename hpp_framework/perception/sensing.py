@@ -1,20 +1,21 @@
-"""From a simulator's state to what each agent knows: noise, drop-outs and histories.
-
-Noise lives here, once, so that both simulators are noisy in the same way.
-"""
+"""From a simulator's state to what each agent observes: sensed, estimated, remembered."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.core import geometry
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
+from hpp_framework.core.estimator import Estimate, Estimator, Reading
 from hpp_framework.core.robot import Lidar, RobotSpec
+from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Keyframes, Observation, State
+from hpp_framework.perception.estimators.raw import Raw
+from hpp_framework.perception.sensors import Sensors
 from hpp_framework.utils.seeding import EpisodeRng
 
 HISTORY = 5
@@ -25,213 +26,174 @@ KEYFRAMES = 12
 KEYFRAME_EVERY = 5
 """Control steps between two keyframes."""
 
-HEARD = 3
-"""Poses of another robot that came last, from which its motion is read."""
-MOVED_ON = 5
-"""Control steps by which the last pose that came is moved on, at most: robots turn and stop."""
-
 BODY = 0.45
 """Metres from another robot's observed middle within which a point seen is on that robot."""
 
 
 class Sensing:
-    """Keeps histories and hands each agent its observation.
-
-    Each agent sees its own draw of the pose noise: nothing is shared between agents.
+    """Hands each agent its observation. Each senses and estimates alone: nothing is shared between agents.
 
     Args:
         robots: the team.
-        noise: disturbances, the same for all or one for each robot as it observes.
+        disturbances: the same for all, or one for each robot.
+        estimators: one for each agent; None takes what was sensed last as it is.
         history: entries that observations hold; fewer cost less.
         keyframes: that observations hold, one a second; 0 for none.
-
-    Attributes:
-        intensity: share of the noise that each episode has (b,), or None for all of it; the delay is the same
-            for all.
     """
 
     def __init__(
         self,
         robots: Sequence[RobotSpec],
-        noise: NoiseModel | Sequence[NoiseModel],
+        disturbances: Disturbances | Sequence[Disturbances],
+        estimators: Sequence[Estimator] | None = None,
         *,
         history: int = HISTORY,
         keyframes: int = KEYFRAMES,
     ) -> None:
-        self.history = history
-        self.keyframes = keyframes
         self.robots = tuple(robots)
-        self.noises = [noise] * len(robots) if isinstance(noise, NoiseModel) else list(noise)
-        self._delays = [each.delay for each in self.noises]
-        self.delay = max(self._delays)
-        self._reckons = self.delay > 0 or any(each.pose_dropout for each in self.noises)
-        self.rng = EpisodeRng(())
-        self.intensity: Tensor | None = None
-        self._poses: Tensor = torch.empty(0)
-        self._sent: Tensor = torch.empty(0)
-        self._heard: Tensor = torch.empty(0)
-        self._heard_at: Tensor = torch.empty(0)
-        self._step = 0
-        self._scans: list[Tensor] = []
-        self._velocities: Tensor = torch.empty(0)
-        self._key_poses: Tensor = torch.empty(0)
-        self._key_scans: list[Tensor] = []
-        self._until_keyframe = KEYFRAME_EVERY
+        self.keyframes = keyframes
+        one = isinstance(disturbances, Disturbances)
+        self.disturbances = tuple([disturbances] * len(robots) if one else disturbances)
+        self.sensors = Sensors([robot.lidar for robot in robots], self.disturbances)
+        self.estimators = list(estimators or [Raw(robot.lidar) for robot in robots])
+        self._memories = [_Memory(agent, history, keyframes) for agent in range(len(robots))]
+
+    @property
+    def rng(self) -> EpisodeRng:
+        """Source of all that is drawn."""
+        return self.sensors.rng
 
     def reset(self, state: State, rng: EpisodeRng) -> None:
-        """Begin histories that repeat the first measurement.
+        """Begin histories that repeat the first estimate.
 
         Args:
             state: at the start.
-            rng: source of the noise.
+            rng: source of the disturbances.
         """
-        self.rng = rng
-        poses, scans = self._measure(state)
-        self._poses = poses[:, None].repeat(1, self.history, 1, 1, 1)
-        self._sent = poses[:, None].repeat(1, self.delay + 1, 1, 1, 1)
-        if self._reckons:  # as if nothing had moved before
-            self._heard = poses[:, None].repeat(1, HEARD, 1, 1, 1)
-            steps = torch.arange(1.0 - HEARD, 1.0).to(poses)[:, None] - poses.new_tensor(self._delays)
-            self._heard_at = steps[None, :, :, None].expand(self._heard.shape[:4])
-        self._step = 0
-        self._scans = [scan[:, None].repeat(1, self.history, 1) for scan in scans]
-        self._velocities = state.velocities
-        self._key_poses = poses[:, None].repeat(1, self.keyframes, 1, 1, 1)
-        self._key_scans = [scan[:, None].repeat(1, self.keyframes, 1) for scan in scans]
-        self._until_keyframe = KEYFRAME_EVERY
+        for reading, estimator, memory in self._each(self.sensors.reset(state, rng)):
+            memory.reset(estimator.reset(reading))
 
-    def update(self, state: State) -> None:
-        """Append a measurement of everybody."""
-        poses, scans = self._measure(state)
-        self._sent = _push(self._sent, poses)
-        self._step += 1
-        poses = self._receive(poses)
-        self._poses = _push(self._poses, poses)
-        self._scans = [_push(old, new) for old, new in zip(self._scans, scans, strict=True)]
-        self._velocities = state.velocities
-        self._until_keyframe -= 1
-        if self.keyframes and self._until_keyframe == 0:
-            self._until_keyframe = KEYFRAME_EVERY
-            self._key_poses = _push(self._key_poses, poses)
-            self._key_scans = [_push(old, new) for old, new in zip(self._key_scans, scans, strict=True)]
+    def update(self, state: State, commands: Float[Tensor, "b n 2"]) -> None:
+        """Append what is estimated after a control step.
+
+        Args:
+            state: after the step.
+            commands: that the agents sent for it.
+        """
+        for reading, estimator, memory in self._each(self.sensors.read(state)):
+            memory.append(estimator.update(reading, commands[:, reading.agent]))
 
     def restart(self, state: State, robots: Bool[Tensor, "b n"]) -> None:
         """Begin the histories of the chosen robots anew, as observers and as observed.
 
-        The newest entry of everybody else is measured again.
+        The newest entry of all others is measured again.
 
         Args:
             state: after the restart.
             robots: which robots begin anew.
         """
-        poses, scans = self._measure(state)
-        touched = robots[:, :, None] | robots[:, None, :]
-        self._sent[:, -1] = poses
-        self._sent = torch.where(touched[:, None, :, :, None], poses[:, None], self._sent)
-        if self._reckons:
-            self._heard = torch.where(touched[:, None, :, :, None], poses[:, None], self._heard)
-        self._poses[:, -1] = self._receive(poses)
-        self._poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._poses)
-        self._key_poses = torch.where(touched[:, None, :, :, None], poses[:, None], self._key_poses)
-        for i, scan in enumerate(scans):
-            self._scans[i][:, -1] = scan
-            self._scans[i] = torch.where(robots[:, None, i, None], scan[:, None], self._scans[i])
-            self._key_scans[i] = torch.where(robots[:, None, i, None], scan[:, None], self._key_scans[i])
-        self._velocities = state.velocities
+        for reading, estimator, memory in self._each(self.sensors.restart(state, robots)):
+            touched = robots | robots[:, reading.agent, None]
+            memory.restart(estimator.restart(reading, touched), touched)
 
     def resume(self, observations: Sequence[Observation], state: State) -> None:
-        """Go on, without noise, from what the agents of other episodes have seen.
+        """Go on, undisturbed, from what the agents of other episodes have observed.
 
         Args:
             observations: of all robots, in team order.
             state: of their episodes.
         """
-        self._poses = torch.stack([seen.poses for seen in observations], 2)
-        self._scans = [seen.scans.clone() for seen in observations]
-        self._velocities = state.velocities
-        kept = [seen.keyframes for seen in observations if seen.keyframes is not None]
-        self.keyframes = kept[0].poses.shape[1] if kept else 0
-        if kept:
-            self._key_poses = torch.stack([each.poses for each in kept], 2)
-            self._key_scans = [each.scans.clone() for each in kept]
-        self._until_keyframe = KEYFRAME_EVERY
-        self._sent = self._poses[:, -1:]
+        self.sensors.reset(state, EpisodeRng(range(len(state.poses))))
+        for observation, memory in zip(observations, self._memories, strict=True):
+            memory.resume(observation)
 
     def keep(self, episodes: Bool[Tensor, "b"]) -> None:
-        """Go on with some of the episodes."""
-        for name in ("_poses", "_velocities", "_sent", "_key_poses"):
-            setattr(self, name, getattr(self, name)[episodes])
-        self._scans = [scan[episodes] for scan in self._scans]
-        self._key_scans = [scan[episodes] for scan in self._key_scans]
+        """Go on, undisturbed, with some of the episodes."""
+        for memory in self._memories:
+            memory.keep(episodes)
 
     def observe(self, agent: int) -> Observation:
         """Return what one agent knows."""
-        return Observation(
-            agent=agent,
-            poses=self._poses[:, :, agent],
-            scans=self._scans[agent],
-            velocity=self._velocities[:, agent],
-            keyframes=Keyframes(self._key_poses[:, :, agent], self._key_scans[agent])
-            if self.keyframes
-            else None,
+        return self._memories[agent].observation()
+
+    def _each(self, readings: Sequence[Reading]) -> Iterable[tuple[Reading, Estimator, _Memory]]:
+        return zip(readings, self.estimators, self._memories, strict=True)
+
+
+class _Memory:
+    """What one agent remembers: a history of every control step, and keyframes of every second."""
+
+    def __init__(self, agent: int, history: int, keyframes: int) -> None:
+        self.agent, self.history, self.keyframes = agent, history, keyframes
+        self._until_keyframe = KEYFRAME_EVERY
+
+    def reset(self, estimate: Estimate) -> None:
+        poses, scan = estimate.poses[:, None], estimate.scan[:, None]
+        self._now = estimate
+        self._poses = poses.repeat(1, self.history, 1, 1)
+        self._scans = scan.repeat(1, self.history, 1)
+        self._key_poses = poses.repeat(1, self.keyframes, 1, 1)
+        self._key_scans = scan.repeat(1, self.keyframes, 1)
+        self._until_keyframe = KEYFRAME_EVERY
+
+    def append(self, estimate: Estimate) -> None:
+        self._now = estimate
+        self._poses = _push(self._poses, estimate.poses)
+        if estimate.velocities is not None:
+            # of others the past is known late and piecewise; a motion that leads to the present is steadier
+            trail = _trail(estimate.poses, estimate.velocities, self.history)
+            trail[:, :, self.agent] = self._poses[:, :, self.agent]
+            self._poses = trail
+        self._scans = _push(self._scans, estimate.scan)
+        self._until_keyframe -= 1
+        if self.keyframes and self._until_keyframe == 0:
+            self._until_keyframe = KEYFRAME_EVERY
+            self._key_poses = _push(self._key_poses, estimate.poses)
+            self._key_scans = _push(self._key_scans, estimate.scan)
+
+    def restart(self, estimate: Estimate, robots: Bool[Tensor, "b n"]) -> None:
+        self._now = estimate
+        self._poses[:, -1], self._scans[:, -1] = estimate.poses, estimate.scan
+        poses, mine = robots[:, None, :, None], robots[:, self.agent, None, None]
+        self._poses = torch.where(poses, estimate.poses[:, None], self._poses)
+        self._key_poses = torch.where(poses, estimate.poses[:, None], self._key_poses)
+        self._scans = torch.where(mine, estimate.scan[:, None], self._scans)
+        self._key_scans = torch.where(mine, estimate.scan[:, None], self._key_scans)
+
+    def resume(self, seen: Observation) -> None:
+        self._now = Estimate(seen.team_poses, seen.velocity, seen.scan)
+        self._poses, self._scans = seen.poses.clone(), seen.scans.clone()
+        self.keyframes = 0 if seen.keyframes is None else seen.keyframes.poses.shape[1]
+        if seen.keyframes is not None:
+            self._key_poses, self._key_scans = seen.keyframes.poses.clone(), seen.keyframes.scans.clone()
+        self._until_keyframe = KEYFRAME_EVERY
+
+    def keep(self, episodes: Bool[Tensor, "b"]) -> None:
+        self._now = Estimate(
+            self._now.poses[episodes], self._now.velocity[episodes], self._now.scan[episodes]
         )
+        self._poses, self._scans = self._poses[episodes], self._scans[episodes]
+        if self.keyframes:
+            self._key_poses, self._key_scans = self._key_poses[episodes], self._key_scans[episodes]
 
-    def _measure(self, state: State) -> tuple[Tensor, list[Tensor]]:
-        """Return poses (b, observers, n, 3) and a scan (b, k) a robot."""
-        count = len(self.robots)
-        poses = state.poses[:, None].repeat(1, count, 1, 1)
-        if any(noise.position_std or noise.heading_std for noise in self.noises):
-            rows = [(noise.position_std, noise.position_std, noise.heading_std) for noise in self.noises]
-            std = poses.new_tensor(rows)[:, None]
-            poses = poses + self._normal(poses) * self._scaled(std, poses)
-        return poses, [
-            self._scan(state.scans[:, i, : robot.lidar.beams], robot, noise)
-            for i, (robot, noise) in enumerate(zip(self.robots, self.noises, strict=True))
-        ]
+    def observation(self) -> Observation:
+        now = self._now
+        return Observation(
+            agent=self.agent, poses=self._poses, scans=self._scans, velocity=now.velocity,
+            keyframes=Keyframes(self._key_poses, self._key_scans) if self.keyframes else None,
+            velocities=now.velocities, std=now.std, ages=now.ages, scan_age=now.scan_age,
+        )  # fmt: skip
 
-    def _receive(self, measured: Tensor) -> Tensor:
-        """Return what everybody knows (b, observers, n, 3): its own pose at once, the others' as reckoned."""
-        if not self._reckons:
-            return measured
-        lost_shares = [noise.pose_dropout for noise in self.noises]
-        came = torch.stack([self._sent[:, -1 - delay, i] for i, delay in enumerate(self._delays)], 1)
-        sent_at = self._step - came.new_tensor(self._delays)[:, None].expand(came.shape[:3])
-        arrived = torch.ones(came.shape[:3], dtype=torch.bool, device=came.device)
-        if any(lost_shares):
-            share = self._scaled(measured.new_tensor(lost_shares)[:, None], measured[..., 0])
-            arrived = self.rng.uniform(*measured.shape[1:3]).to(measured) >= share
-        new = arrived[:, None]
-        self._heard = torch.where(new[..., None], _push(self._heard, came), self._heard)
-        self._heard_at = torch.where(new, _push(self._heard_at, sent_at), self._heard_at)
-        own = torch.eye(len(self.robots), dtype=torch.bool, device=measured.device)
-        return torch.where(own[:, :, None], measured, self._reckoned())
 
-    def _reckoned(self) -> Tensor:
-        """Return where everybody would be now (b, observers, n, 3) if it moved on as it was last heard to."""
-        last, before = self._heard[:, -1], self._heard[:, 0]
-        change = last - before
-        change = torch.cat([change[..., :2], geometry.wrap_angle(change[..., 2:])], -1)
-        passed = (self._heard_at[:, -1] - self._heard_at[:, 0]).clamp(min=1)
-        age = (self._step - self._heard_at[:, -1]).clamp(max=MOVED_ON)
-        return last + change * (age / passed)[..., None]
-
-    def _scan(self, scan: Tensor, robot: RobotSpec, noise: NoiseModel) -> Tensor:
-        std = robot.lidar.noise_std if noise.scan_std is None else noise.scan_std
-        if std:
-            hit = scan < robot.lidar.max_range
-            scan = torch.where(hit, scan + self._scaled(std, scan) * self._normal(scan), scan)
-        if noise.dropout:
-            lost = self.rng.uniform(*scan.shape[1:]).to(scan) < self._scaled(noise.dropout, scan)
-            scan = scan.masked_fill(lost, robot.lidar.max_range)
-        return scan.clamp(robot.lidar.min_range, robot.lidar.max_range)
-
-    def _scaled(self, strength: Tensor | float, like: Tensor) -> Tensor | float:
-        if self.intensity is None:
-            return strength
-        return self.intensity.to(like).reshape(-1, *[1] * (like.dim() - 1)) * strength
-
-    def _normal(self, like: Tensor) -> Tensor:
-        return self.rng.normal(*like.shape[1:]).to(like)
+def _trail(poses: Float[Tensor, "b n 3"], velocities: Float[Tensor, "b n 2"], entries: int) -> Tensor:
+    """Return the last poses (b, h, n, 3) of robots that have driven as they do now."""
+    passed = CONTROL_PERIOD * torch.arange(entries - 1, -1, -1, device=poses.device)[:, None]
+    speed, turn = velocities[:, None].unbind(-1)
+    x, y, heading = poses[:, None].unbind(-1)
+    between = heading - turn * passed / 2
+    way = speed * passed
+    before = geometry.wrap_angle(heading - turn * passed)
+    return torch.stack([x - way * between.cos(), y - way * between.sin(), before], -1)
 
 
 def _push(entries: Tensor, newest: Tensor) -> Tensor:

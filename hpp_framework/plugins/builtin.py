@@ -89,10 +89,20 @@ LAYERS: Table = (
     ("terminal-approach", "terminal_approach:terminal_approach", "drives the last metres into a gathering"),
     ("yield-together", "yield_together:yield_together", "slows robots that meet to the speed that is enough"),
     ("stop-on-success", "stop_on_success:stop_on_success", "stops where braking now fulfils the task"),
+    ("separation", "separation:separation", "slows a robot down before it could touch a teammate"),
     ("safety-filter", "safety_filter:safety_filter", "keeps a robot off what it sees and has seen"),
 )
-DEFAULT_CONTROL = "rotate-to-path,terminal-approach,yield-together,stop-on-success,safety-filter"
+DEFAULT_CONTROL = "rotate-to-path,terminal-approach,yield-together,stop-on-success,separation,safety-filter"
 """Control stack of all robots unless an experiment or a team file names another."""
+DEFAULT_DISTURBANCES = "field"
+"""Profile of disturbances unless an experiment or a team file names another."""
+ESTIMATORS: Table = (
+    ("none", "raw:raw", "takes what was sensed last for the present"),
+    ("dead-reckoning", "dead_reckoning:dead_reckoning", "moves late and lost poses of other robots on"),
+    ("tracker", "tracker:tracker", "a Kalman filter a robot, with lidar sightings; foresees its latency"),
+)
+DEFAULT_ESTIMATOR = "tracker"
+"""Estimator of all agents unless an experiment names another."""
 PREDICTORS: Table = (
     ("delta-pose-lidar", "delta_pose_lidar", "the paper's one-step model, rolled out (Eq. 2 and 3)"),
     ("pose-lidar", "pose_lidar", "the paper's ablation: next pose and scan, in world coordinates"),
@@ -116,6 +126,7 @@ def register(hub: Hub) -> None:
         (hub.planners, "planning", PLANNERS),
         (hub.policies, "planning", POLICIES),
         (hub.layers, "control", LAYERS),
+        (hub.estimators, "perception.estimators", ESTIMATORS),
     ):
         for name, source, summary in table:
             registry.add(name, f"hpp_framework.{package}.{source}", summary=summary)

@@ -225,6 +225,7 @@ class Hub:
     - ``planners``: ``(context: PlannerContext) -> MetaPlanner``
     - ``policies``: ``(context: PlannerContext) -> Policy``
     - ``layers``: ``(context: ControlContext) -> ControlLayer``
+    - ``estimators``: ``(context: EstimatorContext) -> Estimator``
     - ``predictors``: ``(request: PredictorRequest) -> Predictor``
     - ``predictor_trainers``: ``(config: PredictorTraining) -> Path``
     - ``skill_trainers``: ``(config: SkillTraining) -> Path``
@@ -242,6 +243,7 @@ class Hub:
     planners: Registry[Any] = _registry("planner")
     policies: Registry[Any] = _registry("policy")
     layers: Registry[Any] = _registry("layer")
+    estimators: Registry[Any] = _registry("estimator")
     predictors: Registry[Any] = _registry("predictor")
     predictor_trainers: Registry[Any] = _registry("predictor trainer")
     skill_trainers: Registry[Any] = _registry("skill trainer")

@@ -7,7 +7,7 @@ into memory. A chunk depends on the seed and its number only, so collection can 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL, Disturbances
+from hpp_framework.core.estimator import Estimator
 from hpp_framework.core.team import Team
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, State
@@ -186,7 +187,8 @@ def drive(
     config: Collection,
     part: int | str,
     *,
-    noise: NoiseModel | None = None,
+    disturbances: Disturbances | Sequence[Disturbances] = IDEAL,
+    estimators: Sequence[Estimator] | None = None,
     keyframes: int = 0,
 ) -> Iterator[Moment]:
     """Drive a chunk of episodes in which the whole team pursues the same random goals.
@@ -195,7 +197,8 @@ def drive(
         team: who drives.
         config: how.
         part: names the chunk; worlds, starts and goals depend on the seed and this only.
-        noise: of what robots observe; None for none.
+        disturbances: of sensing and acting, the same for all or one for each robot.
+        estimators: one for each agent; None takes what was sensed last as it is.
         keyframes: that observations hold.
 
     Yields:
@@ -212,7 +215,9 @@ def drive(
     everyone = torch.ones(config.chunk, len(team), dtype=torch.bool)
     index = torch.from_numpy(world)
     state = simulator.place(index.to(torch.int32), everyone, starts)
-    batch = EpisodeBatch(simulator, noise=noise, keyframes=keyframes, shared=True)
+    batch = EpisodeBatch(
+        simulator, disturbances=disturbances, estimators=estimators, keyframes=keyframes, shared=True
+    )
     batch.start(state, [child_seed(config.seed, "collect", part, row) for row in range(config.chunk)])
     for step in range(config.steps):
         seen = [batch.observe(robot) for robot in range(len(team))]

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from hpp_framework.config.team_file import effective_team
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.predictor_study import PredictorStudy
 from hpp_framework.reproduction.plan import Curves, Planned
@@ -73,14 +72,30 @@ MISTAKES: Mapping[str, tuple[str, tuple[Mapping[str, Any], ...]]] = {
 }
 """What Fetch and Freight are wrong about: entries of a team file."""
 
+LABORATORY = "ideal"
+"""Profile of what the paper asks: its figures know no disturbances."""
+
 DISTURBANCES = {
-    "pose-noise-0.05": ("poses off by 5 cm and 0.05 rad", NoiseModel(position_std=0.05, heading_std=0.05)),
-    "pose-noise-0.2": ("poses off by 20 cm and 0.2 rad", NoiseModel(position_std=0.2, heading_std=0.2)),
-    "pose-delay-5": ("the others' poses come 1 s late", NoiseModel(delay=5)),
-    "pose-delay-15": ("the others' poses come 3 s late", NoiseModel(delay=15)),
-    "pose-dropout-0.5": ("half of the others' poses are lost", NoiseModel(pose_dropout=0.5)),
-    "pose-dropout-0.9": ("nine of ten of the others' poses are lost", NoiseModel(pose_dropout=0.9)),
-}
+    "field": ("all of the profile field", "field"),
+    "harsh": ("all of the profile harsh", "harsh"),
+    "pose-noise-0.2": (
+        "poses off by 20 cm and 0.2 rad, white", "ideal:position_std=0.2:heading_std=0.2",
+    ),
+    "pose-bias-0.3": ("each robot's map is off by 30 cm", "ideal:position_bias=0.3"),
+    "pose-jumps": ("poses jump by 30 cm every 20 s", "ideal:jump_rate=0.05:jump_size=0.3"),
+    "message-delay-1": ("the others' poses come 1 s late", "ideal:message_delay=1.0"),
+    "message-delay-3": ("the others' poses come 3 s late", "ideal:message_delay=3.0"),
+    "message-loss-0.9": ("nine of ten of the others' poses are lost", "ideal:message_loss=0.9"),
+    "command-delay-0.2": ("commands act 0.2 s late", "ideal:command_delay=0.2"),
+    "command-delay-0.4": ("commands act 0.4 s late", "ideal:command_delay=0.4"),
+    "blind": (
+        "the lidar sends no hit for 2 s, every 10 s", "field:fault=blind:fault_rate=0.1:fault_time=2.0",
+    ),
+    "frozen": (
+        "the lidar sends its last scan for 2 s, every 10 s",
+        "field:fault=frozen:fault_rate=0.1:fault_time=2.0",
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +144,7 @@ def experiments(scale: str, seed: int) -> list[Planned]:
         work=Experiment(
             worlds=(*SIMULATED[: size.worlds], *SCANNED[: size.worlds and size.worlds - 1]),
             planners=(BEST, PAPER, *CENTRALIZED, *RRT, *MAPPED, LEARNED, *CEILINGS),
-            episodes=size.episodes, seed=seed,
+            episodes=size.episodes, seed=seed, disturbances=LABORATORY,
         ),
     )  # fmt: skip
     parts = (
@@ -151,7 +166,7 @@ def _faithful(size: Scale, seed: int) -> list[Planned]:
     ) -> Planned:  # fmt: skip
         work = Experiment(
             worlds=tuple(worlds[: size.worlds]), planners=tuple(planners[: size.arms]), preset=preset,
-            episodes=size.ablation, seed=seed, task=task,
+            episodes=size.ablation, seed=seed, task=task, disturbances=LABORATORY,
         )  # fmt: skip
         return Planned(name=name, title=title, figure=figure, work=work)
 
@@ -177,7 +192,7 @@ def _ours(size: Scale, seed: int) -> list[Planned]:
     def work(planners: Sequence[str]) -> Experiment:
         return Experiment(
             worlds=SWITCHED_WORLDS[: size.worlds], planners=tuple(planners[: size.arms]),
-            episodes=size.ablation, seed=seed,
+            episodes=size.ablation, seed=seed, disturbances=LABORATORY,
         )  # fmt: skip
 
     return [
@@ -194,13 +209,13 @@ def _disturbed(size: Scale, seed: int) -> list[Planned]:
     chosen = list(DISTURBANCES.items())[: size.disturbances]
     return [
         Planned(
-            name=name, title=f"Worse knowledge of poses: {words}", figure=None,
+            name=name, title=f"Disturbances: {words}", figure=None,
             work=Experiment(
                 worlds=SWITCHED_WORLDS[: size.worlds], planners=DISTURBED[: size.arms],
-                episodes=size.ablation, seed=seed, noise=noise,
+                episodes=size.ablation, seed=seed, disturbances=text,
             ),
         )
-        for name, (words, noise) in chosen
+        for name, (words, text) in chosen
     ]  # fmt: skip
 
 
@@ -214,7 +229,8 @@ def _mistaken(size: Scale, seed: int) -> list[Planned]:
         ]
         work = Experiment(
             worlds=SWITCHED_WORLDS[: size.worlds], planners=DISTURBED[: size.arms],
-            episodes=size.ablation, seed=seed, members=effective_team({"members": entries}, Path(name)),
+            episodes=size.ablation, seed=seed, disturbances=LABORATORY,
+            members=effective_team({"members": entries}, Path(name)),
         )  # fmt: skip
         return Planned(name=name, title=title, figure=None, work=work)
 

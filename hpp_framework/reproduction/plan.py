@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.folder import CONFIG
 from hpp_framework.evaluation.predictor_study import PredictorStudy
@@ -18,12 +17,6 @@ from hpp_framework.utils.versions import installed_versions
 
 PLAN, EXPERIMENTS = "plan.json", "experiments"
 PLANNERS, PREDICTOR, CURVE = "planners", "predictor", "curve"
-
-NOISE_OPTIONS: Mapping[str, str] = {
-    "position_std": "pose", "heading_std": "heading", "scan_std": "lidar", "dropout": "dropout",
-    "delay": "delay", "pose_dropout": "pose-dropout",
-}  # fmt: skip
-"""Options of the command line by field of :class:`NoiseModel`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,10 +91,9 @@ def _evaluate_options(work: Experiment) -> list[str]:
         "--worlds", ",".join(work.worlds), "--planners", ",".join(work.planners),
         "--episodes", str(work.episodes), "--seed", str(work.seed),
     ]  # fmt: skip
-    for name in ("team", "preset", "backend", "task", "skill"):
+    for name in ("team", "preset", "backend", "task", "skill", "control", "disturbances", "estimator"):
         if getattr(work, name) != getattr(default, name):
             options += [f"--{name}", str(getattr(work, name))]
-    options += _noise_options(work.noise)
     if work.weights:
         options += ["--weights", ",".join(work.weights)]
     for name, value in work.settings.items():
@@ -119,14 +111,7 @@ def _study_options(work: PredictorStudy) -> list[str]:
         options += ["--compare", ",".join(others)]
     if work.weights:
         options += ["--weights", ",".join(work.weights)]
-    return [*options, *_noise_options(work.noise)]
-
-
-def _noise_options(noise: NoiseModel) -> list[str]:
-    changed = [each.name for each in fields(noise) if getattr(noise, each.name) != each.default]
-    return [
-        text for name in changed for text in (f"--noise.{NOISE_OPTIONS[name]}", f"{getattr(noise, name):g}")
-    ]
+    return [*options, "--disturbances", work.disturbances, "--estimator", work.estimator]
 
 
 def choose(planned: Sequence[Planned], only: Sequence[str]) -> list[Planned]:

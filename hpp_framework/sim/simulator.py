@@ -50,17 +50,18 @@ class Simulator(ABC):
         """Start one episode a world, robots at rest at the given poses."""
 
     @abstractmethod
-    def step(self, commands: Float[Tensor, "b n 2"]) -> State:
+    def step(self, commands: Float[Tensor, "b n *p 2"]) -> State:
         """Drive for one control period (0.2 s).
 
         Args:
-            commands: wanted forward speed (m/s) and turn rate (rad/s); limits are applied.
+            commands: wanted forward speed (m/s) and turn rate (rad/s), for the whole period (b, n, 2) or one
+                for each of its ``SUBSTEPS`` equal parts (b, n, 4, 2); limits are applied.
 
         Raises:
             SimulatorError: if a command is not finite or has the wrong shape.
         """
 
-    def advance(self, commands: Float[Tensor, "b n 2"]) -> State:
+    def advance(self, commands: Float[Tensor, "b n *p 2"]) -> State:
         """Do what :meth:`step` does, but the state may be memory that the next step overwrites."""
         return self.step(commands)
 
@@ -89,7 +90,8 @@ class Simulator(ABC):
     def check_commands(self, commands: Tensor, episodes: int) -> None:
         """Raise :class:`SimulatorError` unless commands are finite and shaped (episodes, robots, 2)."""
         expected = (episodes, len(self.robots), 2)
-        if tuple(commands.shape) != expected:
+        parts = (*expected[:2], SUBSTEPS, 2)
+        if tuple(commands.shape) not in (expected, parts):
             raise SimulatorError(
                 f"commands must have shape {expected} (episodes, robots, [v, omega]), "
                 f"got {tuple(commands.shape)}."

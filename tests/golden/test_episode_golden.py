@@ -67,7 +67,7 @@ def record(cell: str, out: Path) -> dict[str, np.ndarray]:
         Experiment(
             worlds=(named["world"],), planners=(named["planner"],), team=named.get("team", "fetch,freight"),
             task=named.get("task", "rendezvous"), control=named.get("control", FULL), episodes=EPISODES,
-            seed=SEED,
+            seed=SEED, disturbances="ideal", estimator="none",
         ),
         out,
     )  # fmt: skip

@@ -51,7 +51,11 @@ class GoalInference:
     reach: float
 
     def weigh(
-        self, before: Evidence | None, positions: Float[Tensor, "b n 2"], goals: Float[Tensor, "b g 2"]
+        self,
+        before: Evidence | None,
+        positions: Float[Tensor, "b n 2"],
+        goals: Float[Tensor, "b g 2"],
+        std: Float[Tensor, "b n"] | None = None,
     ) -> Float[Tensor, "b g n"]:
         """Return log-likelihoods of the candidates, the best of each robot 0.
 
@@ -59,12 +63,14 @@ class GoalInference:
             before: what the last plan left; None at the start of an episode.
             positions: where everybody is now, metres.
             goals: candidates; they move with the team, so evidence goes to the nearest.
+            std: how unsure the positions are along each axis, metres; None for not at all.
         """
         if before is None:
             return goals.new_zeros(*goals.shape[:2], positions.shape[1])
         index = int((before.imagined.times - self.elapsed).abs().argmin())
         missed = before.imagined.poses[:, :, index, :, :2] - positions[:, None]
-        fit = -missed.square().sum(-1).clamp(max=MOST_MISSED) / (2 * self.surprise**2)
+        variance = self.surprise**2 if std is None else self.surprise**2 + std.square()[:, None]
+        fit = -missed.square().sum(-1).clamp(max=MOST_MISSED) / (2 * variance)
         total = self.memory * before.likelihood + fit
         total = total - total.amax(1, keepdim=True)
         gap, nearest = torch.cdist(goals, before.goals).min(2)

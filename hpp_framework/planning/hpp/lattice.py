@@ -143,8 +143,9 @@ class LatticePlanner(MetaPlanner):
         before = belief if isinstance(belief, LatticeBelief) else None
         plans = before.plans if before else 0
         likelihood = self.inference.weigh(
-            before.evidence if before else None, observation.team_poses[..., :2], goals
-        )
+            before.evidence if before else None, observation.team_poses[..., :2], goals,
+            None if observation.std is None else observation.std[..., 0],
+        )  # fmt: skip
         costs = self._costs(observation, goals, imagined, plans)
         scores = self._scores(imagined, likelihood, goals, costs, observation.agent)
         choice = scores.argmax(1)

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL
 from hpp_framework.core.planner import PlannerContext
 from hpp_framework.core.predictor import ImaginePlaces, Predictor
 from hpp_framework.core.timing import CONTROL_PERIOD
@@ -115,7 +115,7 @@ class _Crowd:
         self.owner, self.goals = owner, goals
         self.worlds = [privileged.worlds[index] for index in episode.tolist()]
         self.state = _rows(privileged.state, episode)
-        self.sensing = Sensing(owner.robots, NoiseModel())
+        self.sensing = Sensing(owner.robots, IDEAL)
         self.sensing.resume([seen.episodes(episode) for seen in privileged.observations], self.state)
         self.waypoints = goals
         self._step = 0
@@ -132,7 +132,7 @@ class _Crowd:
         sent = [owner.control[i].filter(seen[i], self.waypoints[:, i], wanted[i]) for i in count]
         commands = torch.stack(sent, 1)
         self.state = owner.simulator.advance(commands)
-        self.sensing.update(self.state)
+        self.sensing.update(self.state, commands)
         still = (commands == 0).all(-1) & (self.state.velocities.abs() < STILL).all(-1)
         return still.all(-1)
 

@@ -104,9 +104,10 @@ def pushed_out(point: wp.vec2, radius: float, grid: Grid, geometry: Geometry) ->
 def advance(
     episode: int,
     i: int,
+    part: int,
     dt: float,
     robot: Robot,
-    commands: wp.array3d(dtype=float),
+    commands: wp.array4d(dtype=float),
     poses: wp.array3d(dtype=float),
     velocities: wp.array3d(dtype=float),
     gap: wp.array2d(dtype=float),
@@ -115,8 +116,8 @@ def advance(
     theta = poses[episode, i, 2]
     v_old = velocities[episode, i, 0]
     w_old = velocities[episode, i, 1]
-    v_goal = wp.clamp(commands[episode, i, 0], robot.speed_min, robot.speed_max)
-    w_goal = wp.clamp(commands[episode, i, 1], -robot.turn_rate, robot.turn_rate)
+    v_goal = wp.clamp(commands[episode, i, part, 0], robot.speed_min, robot.speed_max)
+    w_goal = wp.clamp(commands[episode, i, part, 1], -robot.turn_rate, robot.turn_rate)
     v = v_old + wp.clamp(v_goal - v_old, -robot.acceleration * dt, robot.acceleration * dt)
     w = w_old + wp.clamp(w_goal - w_old, -robot.turn_acceleration * dt, robot.turn_acceleration * dt)
     turn = 0.5 * (w_old + w) * dt
@@ -170,7 +171,7 @@ def push_apart(
 @wp.kernel
 def drive(
     start: int,
-    commands: wp.array3d(dtype=float),
+    commands: wp.array4d(dtype=float),
     robots: wp.array(dtype=Robot),
     geometry: Geometry,
     world_index: wp.array(dtype=int),
@@ -192,7 +193,7 @@ def drive(
 
     Args:
         start: episode that thread 0 works on.
-        commands: (episodes, robots, 2) wanted speed and turn rate.
+        commands: (episodes, robots, substeps, 2) wanted speed and turn rate.
         robots: the team.
         geometry: the worlds.
         world_index: world of each episode.
@@ -213,11 +214,11 @@ def drive(
     for i in range(count):
         touched_obstacle[episode, i] = False
         touched_robot[episode, i] = False
-    for _step in range(substeps):
+    for part in range(substeps):
         for i in range(count):
             touched[episode, i] = False
             before[episode, i] = wp.vec2(poses[episode, i, 0], poses[episode, i, 1])
-            advance(episode, i, dt, robots[i], commands, poses, velocities, gap)
+            advance(episode, i, part, dt, robots[i], commands, poses, velocities, gap)
         for _relaxation in range(RELAXATIONS):
             moved = push_apart(episode, robots, poses, touched, touched_robot, gap)
             for i in range(count):

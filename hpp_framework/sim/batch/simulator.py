@@ -99,7 +99,7 @@ class BatchSimulator(Simulator):
             touched_robot=zeros(dtype=torch.bool),
         )
         self._world_index = torch.zeros(episodes, dtype=torch.int32, device=self.device)
-        self._commands = zeros(2)
+        self._commands = zeros(SUBSTEPS, 2)
         self._gap = zeros()
         self._record(episodes)
 
@@ -133,12 +133,12 @@ class BatchSimulator(Simulator):
         self._crew.run(self._cast)
         return self.state()
 
-    def step(self, commands: Float[Tensor, "b n 2"]) -> State:
+    def step(self, commands: Float[Tensor, "b n *p 2"]) -> State:
         """Drive for one control period and cast all lidars."""
         self.advance(commands)
         return self.state()
 
-    def advance(self, commands: Float[Tensor, "b n 2"]) -> State:
+    def advance(self, commands: Float[Tensor, "b n *p 2"]) -> State:
         """Do what :meth:`step` does, and return the simulator's own memory.
 
         Returns:
@@ -146,7 +146,7 @@ class BatchSimulator(Simulator):
             the rows of scans.
         """
         self.check_commands(commands, len(self._world_index))
-        self._commands.copy_(commands)
+        self._commands.copy_(commands if commands.dim() == 4 else commands[:, :, None])
         self._crew.run(self._drive_and_cast)
         return self._state
 

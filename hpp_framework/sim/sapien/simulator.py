@@ -66,12 +66,13 @@ class SapienSimulator(Simulator):
         self._cameras.clear()
         return self.state()
 
-    def step(self, commands: Float[Tensor, "b n 2"]) -> State:
+    def step(self, commands: Float[Tensor, "b n *p 2"]) -> State:
         """Drive for one control period (4 substeps of 5 physics ticks) and cast all lidars."""
         if not self._episodes:
             raise SimulatorError("step() before reset(): reset the simulator with worlds and poses first.")
         self.check_commands(commands, len(self._episodes))
-        for episode, wanted in zip(self._episodes, commands.tolist(), strict=True):
+        parts = commands if commands.dim() == 4 else commands[:, :, None].expand(-1, -1, SUBSTEPS, -1)
+        for episode, wanted in zip(self._episodes, parts.transpose(1, 2).tolist(), strict=True):
             episode.drive(wanted)
         return self.state()
 
@@ -132,9 +133,9 @@ class _Episode:
     def poses(self) -> list[tuple[float, float, float]]:
         return [_planar(body.entity.pose) for body in self.physics.bodies]
 
-    def drive(self, commands: Sequence[Sequence[float]]) -> None:
+    def drive(self, parts: Sequence[Sequence[Sequence[float]]]) -> None:
         self._forget_touches()
-        for _ in range(SUBSTEPS):
+        for commands in parts:
             self._substep(commands)
 
     def _forget_touches(self) -> None:

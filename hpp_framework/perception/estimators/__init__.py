@@ -1,0 +1,1 @@
+"""Estimators: what an agent believes of where its team is."""
