@@ -95,6 +95,7 @@ def to_experiment(
         noise=options.noise.model(),
         weights=names(options.weights, "--weights") if options.weights else (),
         settings=parse_settings(list(chain(*options.set)), "--set"),
+        people=options.people,
     )
 
 

@@ -52,6 +52,8 @@ class Run:
     """Extra folders searched for weights of predictors and policies, separated by commas."""
     set: Pairs = ()
     """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
+    people: int = 0
+    """Pedestrians who walk between random places, beside those that a world has of its own."""
     noise: Noise = field(default_factory=Noise)
     """Disturbances of what agents observe."""
 

@@ -1,0 +1,248 @@
+"""People and moving obstacles on the host: their data for the kernels, and people who walk for SAPIEN."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from jaxtyping import Bool, Int
+from torch import Tensor
+
+from hpp_framework.core.robot import RobotSpec
+from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.types import People
+from hpp_framework.core.world import MovingObstacle, Person, World
+from hpp_framework.sim.batch import crowd_kernels
+from hpp_framework.sim.batch import kernels as batch_kernels
+from hpp_framework.sim.batch.grid import build_geometry
+from hpp_framework.sim.simulator import SUBSTEPS
+from hpp_framework.utils.kernels import wp
+from hpp_framework.utils.seeding import numpy_rng
+from hpp_framework.worlds.people import populate
+from hpp_framework.worlds.slicing import planar_map
+
+
+def person_heights(pool: Sequence[World]) -> list[float]:
+    """Return the different heights of all people in metres, ascending."""
+    return sorted({person.height for world in pool for person in world.people})
+
+
+def anything_moves(pool: Sequence[World]) -> bool:
+    """Return whether there are people or moving obstacles in any of the worlds."""
+    return any(world.people or world.moving for world in pool)
+
+
+def settled(world: World) -> World:
+    """Return a world with people about whom nothing is open, the same each time.
+
+    Evaluations settle them for each episode before; this is for worlds that are simulated as they are.
+    """
+    if all(person.settled for person in world.people):
+        return world
+    return populate(world, (), np.zeros((0, 2)), numpy_rng(0, "people", world.name))
+
+
+class Crowd:
+    """The people of many episodes, in memory that kernels work on.
+
+    Args:
+        pool: worlds whose people are settled.
+        episodes: how many run side by side.
+        first_layer: of the geometry; a layer for each of :func:`person_heights` begins there.
+        device: of the tensors.
+
+    Attributes:
+        people: of all episodes, the kernels' own memory.
+        crowds: what kernels know of the pool.
+        walk: what kernels know of the episodes.
+    """
+
+    def __init__(
+        self, pool: Sequence[World], *, episodes: int, first_layer: int, device: torch.device
+    ) -> None:
+        self._device = wp.device_from_torch(device)
+        most = max(len(world.people) for world in pool)
+        heights = person_heights(pool)
+        layers = {height: first_layer + index for index, height in enumerate(heights)}
+        self.crowds = _crowds(pool, layers, self._device)
+        self._starts = _starts(pool, most).to(device)
+        self._ways = _ways(pool, most).to(device)
+
+        def zeros(*trailing: int) -> Tensor:
+            return torch.full((episodes, most, *trailing), torch.nan, device=device)
+
+        self.people = People(
+            zeros(3), zeros(2), zeros(3), torch.zeros(episodes, dtype=torch.int64, device=device)
+        )
+        self._world = torch.zeros(episodes, dtype=torch.int32, device=device)
+        self._room = torch.zeros(episodes, most, device=device)
+        self.walk = self._wrapped()
+
+    def _wrapped(self) -> Any:
+        shape = tuple(self._room.shape)
+        walk = crowd_kernels.Walk()
+        walk.world, walk.time = wp.from_torch(self._world), wp.from_torch(self.people.time)
+        walk.near = wp.zeros(shape[0], dtype=int, device=self._device)
+        walk.forces = wp.zeros(shape, dtype=wp.vec2, device=self._device)
+        walk.is_near = wp.zeros(shape, dtype=wp.bool, device=self._device)
+        # arrays without elements cannot be wrapped
+        if shape[1]:
+            walk.poses = wp.from_torch(self.people.poses, dtype=wp.vec3)
+            walk.velocities = wp.from_torch(self.people.velocities, dtype=wp.vec2)
+            walk.progress = wp.from_torch(self.people.progress, dtype=wp.vec3)
+            walk.room = wp.from_torch(self._room)
+        return walk
+
+    def place(
+        self, world_index: Int[Tensor, "b"], fresh: Bool[Tensor, "b"], people: People | None = None
+    ) -> None:
+        """Let the people of some episodes begin anew.
+
+        Args:
+            world_index: world of each episode, as an index into the pool.
+            fresh: which episodes begin.
+            people: as they are then; None for their starts.
+        """
+        self._world.copy_(world_index)
+        fresh = fresh.to(self.people.poses.device)
+        chosen = self._world.long()
+        start = self._starts[chosen]
+        still = torch.zeros_like(start[..., :2]) + 0 * start[..., :2]
+        told = people or People(start, still, self._ways[chosen], torch.zeros_like(self.people.time))
+        for name in ("poses", "velocities", "progress", "time"):
+            now = getattr(self.people, name)
+            wanted = getattr(told, name).to(now)
+            now.copy_(torch.where(fresh.reshape(-1, *[1] * (now.dim() - 1)), wanted, now))
+        # what is near has to be looked for again
+        self._room.zero_()
+
+    def state(self) -> People:
+        """Return a copy of the people; it shares no memory."""
+        now = self.people
+        return People(now.poses.clone(), now.velocities.clone(), now.progress.clone(), now.time.clone())
+
+
+class Walkers:
+    """The people of one episode, for a simulator that moves robots itself.
+
+    They walk by the kernels of the batch simulator::
+
+        walkers = Walkers(world, robots)
+        for substep in range(SUBSTEPS):
+            places = walkers.walk(poses, velocities, is_first=substep == 0)
+
+    Args:
+        world: whose people are settled.
+        robots: the team.
+    """
+
+    def __init__(self, world: World, robots: Sequence[RobotSpec]) -> None:
+        heights = person_heights([world])
+        flat = planar_map(world, lidar_heights=(), body_height=max(heights, default=1.0))
+        self._geometry = build_geometry([flat], (), heights or (1.0,), "cpu")
+        self._crowd = Crowd([world], episodes=1, first_layer=0, device=torch.device("cpu"))
+        self._crowd.place(torch.zeros(1, dtype=torch.int32), torch.ones(1, dtype=torch.bool))
+        structs: list[Any] = []
+        for robot in robots:
+            structs.append(batch_kernels.Robot())
+            structs[-1].radius = robot.footprint_radius
+            structs[-1].speed_min, structs[-1].speed_max = robot.drive.speed
+        self._robots: Any = wp.array(structs, dtype=batch_kernels.Robot, device="cpu")
+
+    @property
+    def people(self) -> People:
+        """The people now, with a leading dimension of one."""
+        return self._crowd.state()
+
+    def seconds(self) -> float:
+        """Return the time since the beginning."""
+        return int(self._crowd.people.time[0]) * CONTROL_PERIOD / SUBSTEPS
+
+    def walk(
+        self, poses: npt.NDArray[np.float32], velocities: npt.NDArray[np.float32], *, is_first: bool
+    ) -> None:
+        """Let the people walk for one substep.
+
+        Args:
+            poses: (n, 3) of the robots.
+            velocities: (n, 2) of the robots.
+            is_first: whether the substep begins a control period.
+        """
+        robots = [
+            wp.array(np.ascontiguousarray(each[None], np.float32), device="cpu")
+            for each in (poses, velocities)
+        ]
+        wp.launch(
+            crowd_kernels.walk_alone, dim=1, device="cpu",
+            inputs=[
+                int(is_first), CONTROL_PERIOD, SUBSTEPS, self._robots, *robots, self._geometry,
+                self._crowd.crowds, self._crowd.walk,
+            ],
+        )  # fmt: skip
+
+
+def _crowds(pool: Sequence[World], layers: dict[float, int], device: Any) -> Any:
+    people = [person for world in pool for person in world.people]
+    moving = [obstacle for world in pool for obstacle in world.moving]
+    points = [point for person in people for point in person.route]
+    keys = [key for obstacle in moving for key in obstacle.path]
+    first_points = np.cumsum([0, *(len(person.route) for person in people)])
+    first_keys = np.cumsum([0, *(len(obstacle.path) for obstacle in moving)])
+    crowds = crowd_kernels.Crowds()
+
+    def array(values: Sequence[Any], dtype: Any) -> Any:
+        return wp.array(list(values), dtype=dtype, device=device)
+
+    crowds.first_walker = array(np.cumsum([0, *(len(world.people) for world in pool)]).tolist(), int)
+    crowds.first_mover = array(np.cumsum([0, *(len(world.moving) for world in pool)]).tolist(), int)
+    walkers = [_walker(p, layers, int(first)) for p, first in zip(people, first_points, strict=False)]
+    movers = [_mover(each, int(first)) for each, first in zip(moving, first_keys, strict=False)]
+    # a kernel is never given an empty array
+    crowds.walkers = array(walkers or [crowd_kernels.Walker()], crowd_kernels.Walker)
+    crowds.movers = array(movers or [crowd_kernels.Mover()], crowd_kernels.Mover)
+    crowds.points = array(points or [(0.0, 0.0)], wp.vec2)
+    crowds.keys = array(keys or [(0.0, 0.0, 0.0)], wp.vec3)
+    return crowds
+
+
+def _walker(person: Person, layers: dict[float, int], first_point: int) -> Any:
+    out = crowd_kernels.Walker()
+    out.radius, out.height, out.speed = person.radius, person.height, person.speed
+    out.first_point, out.points = first_point, len(person.route)
+    out.loop, out.layer = int(person.loop), layers[person.height]
+    return out
+
+
+def _mover(obstacle: MovingObstacle, first_key: int) -> Any:
+    out = crowd_kernels.Mover()
+    out.radius = obstacle.radius or 0.0
+    length, width = obstacle.size or (0.0, 0.0)
+    out.half = wp.vec2(length / 2, width / 2)
+    out.along = wp.vec2(math.cos(obstacle.yaw), math.sin(obstacle.yaw))
+    out.base, out.top = obstacle.base, obstacle.base + obstacle.height
+    out.first_key, out.keys, out.loop = first_key, len(obstacle.path), int(obstacle.loop)
+    return out
+
+
+def _starts(pool: Sequence[World], most: int) -> Tensor:
+    """Return the poses (w, p, 3) that people start with: on their route, looking along it."""
+    out = torch.full((len(pool), most, 3), torch.nan)
+    for w, world in enumerate(pool):
+        for p, person in enumerate(world.people):
+            (x, y), *rest = person.route
+            heading = math.atan2(rest[0][1] - y, rest[0][0] - x) if rest else 0.0
+            out[w, p] = torch.tensor([x, y, heading])
+    return out
+
+
+def _ways(pool: Sequence[World], most: int) -> Tensor:
+    """Return the progress (w, p, 3) that people start with: on the way to their second place."""
+    out = torch.full((len(pool), most, 3), torch.nan)
+    for w, world in enumerate(pool):
+        for p, person in enumerate(world.people):
+            out[w, p] = torch.tensor([float(len(person.route) > 1), 1.0, 0.0])
+    return out
