@@ -25,7 +25,7 @@ from hpp_framework.sim.batch.drive_kernels import (
     push_out_of_obstacles,
 )
 from hpp_framework.sim.batch.kernels import PI, ROUGHLY, Geometry, Robot, rough_bearing
-from hpp_framework.sim.batch.lidar_kernels import Eye, is_out_of_view, past_last_beam, turned
+from hpp_framework.sim.batch.lidar_kernels import Eye, is_out_of_view, lesser, past_last_beam, turned
 
 wp.set_module_options({"enable_backward": False})
 
@@ -144,9 +144,9 @@ def drive_among(
         touched_obstacle[episode, i] = False
         touched_robot[episode, i] = False
         touched_person[episode, i] = False
-    steer(episode, world, period, dt, robots, poses, velocities, geometry, crowds, walk)
+    steer(episode, world, period, dt, robots, poses, velocities, crowds, walk)
     for _step in range(substeps):
-        move_people(episode, world, dt, robots, poses, geometry, crowds, walk)
+        move_people(episode, world, dt, robots, poses, crowds, walk)
         now = float(walk.time[episode]) * dt
         begin_substep(episode, dt, commands, robots, poses, velocities, touched, before, gap)
         for _relaxation in range(RELAXATIONS):
@@ -165,19 +165,17 @@ def drive_among(
 
 @wp.func
 def meet_disc(
-    low: float, high: float, center: wp.vec2, outside: float, nearest: float, eye: Eye, robot: Robot,
+    low: float, high: float, center: wp.vec2, outside: float, eye: Eye, robot: Robot,
     beams: Beams, scans: wp.array2d(dtype=float),
 ):  # fmt: skip
-    """Shorten the beams between two angles, given in beams, that meet a disc before something else."""
+    """Shorten the beams between two angles, given in beams, that meet a disc."""
     # the angles are wide by part of a beam
     for beam in range(int(low), wp.min(int(high), robot.beams - 1) + 1):
-        if scans[eye.row, beam] > nearest:
-            along = center[0] * beams.x[eye.agent, beam] + center[1] * beams.y[eye.agent, beam]
-            root = along * along - outside
-            if root > 0.0 and along > 0.0:
-                distance = wp.max(along - wp.sqrt(root), robot.min_range)
-                if distance < scans[eye.row, beam]:
-                    scans[eye.row, beam] = distance
+        # without branches, which processors guess wrong here
+        along = center[0] * beams.x[eye.agent, beam] + center[1] * beams.y[eye.agent, beam]
+        root = along * along - outside
+        distance = wp.where(root > 0.0, along - wp.sqrt(wp.max(root, 0.0)), robot.max_range)
+        scans[eye.row, beam] = lesser(scans[eye.row, beam], wp.max(distance, robot.min_range))
 
 
 @wp.func
@@ -195,16 +193,15 @@ def see_disc(
         return
     # not less than the arc sine; each beam is asked whether it meets the disc
     distance = wp.sqrt(distance_sq)
-    nearest = distance - radius
     sine = radius / distance
     half = sine + 0.5708 * sine * sine * sine + ROUGHLY
     low = rough_bearing(center[0], center[1]) - half
     low = wp.where(low < 0.0, low + 2.0 * PI, low) * robot.beams_per_radian
     high = low + 2.0 * half * robot.beams_per_radian
-    meet_disc(low, high, center, outside, nearest, eye, robot, beams, scans)
+    meet_disc(low, high, center, outside, eye, robot, beams, scans)
     lap = 2.0 * PI * robot.beams_per_radian
     if high >= lap:
-        meet_disc(0.0, high - lap, center, outside, nearest, eye, robot, beams, scans)
+        meet_disc(0.0, high - lap, center, outside, eye, robot, beams, scans)
 
 
 @wp.func

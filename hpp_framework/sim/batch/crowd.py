@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,17 +18,11 @@ from hpp_framework.core.types import People
 from hpp_framework.core.world import MovingObstacle, Person, World
 from hpp_framework.sim.batch import crowd_kernels
 from hpp_framework.sim.batch import kernels as batch_kernels
-from hpp_framework.sim.batch.grid import build_geometry
 from hpp_framework.sim.simulator import SUBSTEPS
 from hpp_framework.utils.kernels import wp
 from hpp_framework.utils.seeding import numpy_rng
-from hpp_framework.worlds.people import populate
-from hpp_framework.worlds.slicing import planar_map
-
-
-def person_heights(pool: Sequence[World]) -> list[float]:
-    """Return the different heights of all people in metres, ascending."""
-    return sorted({person.height for world in pool for person in world.people})
+from hpp_framework.worlds.occupancy import free_space
+from hpp_framework.worlds.people import RESOLUTION, populate
 
 
 def anything_moves(pool: Sequence[World]) -> bool:
@@ -51,8 +45,9 @@ class Crowd:
 
     Args:
         pool: worlds whose people are settled.
+        rooms: the different worlds of the pool, without what moves.
+        room_of: for each world of the pool, its index among the rooms.
         episodes: how many run side by side.
-        first_layer: of the geometry; a layer for each of :func:`person_heights` begins there.
         device: of the tensors.
 
     Attributes:
@@ -62,13 +57,20 @@ class Crowd:
     """
 
     def __init__(
-        self, pool: Sequence[World], *, episodes: int, first_layer: int, device: torch.device
+        self,
+        pool: Sequence[World],
+        rooms: Sequence[World],
+        room_of: Sequence[int],
+        *,
+        episodes: int,
+        device: torch.device,
     ) -> None:
         self._device = wp.device_from_torch(device)
         most = max(len(world.people) for world in pool)
-        heights = person_heights(pool)
-        layers = {height: first_layer + index for index, height in enumerate(heights)}
-        self.crowds = _crowds(pool, layers, self._device)
+        self.crowds = _crowds(pool, self._device)
+        walked = {room for room, world in zip(room_of, pool, strict=True) if world.people}
+        tallest = max((person.height for world in pool for person in world.people), default=0.0)
+        _add_fields(self.crowds, rooms, walked, tallest, self._device)
         self._starts = _starts(pool, most).to(device)
         self._ways = _ways(pool, most).to(device)
 
@@ -79,11 +81,9 @@ class Crowd:
             zeros(3), zeros(2), zeros(3), torch.zeros(episodes, dtype=torch.int64, device=device)
         )
         self._world = torch.zeros(episodes, dtype=torch.int32, device=device)
-        self._room = torch.zeros(episodes, most, device=device)
-        self.walk = self._wrapped()
+        self.walk = self._wrapped((episodes, most))
 
-    def _wrapped(self) -> Any:
-        shape = tuple(self._room.shape)
+    def _wrapped(self, shape: tuple[int, int]) -> Any:
         walk = crowd_kernels.Walk()
         walk.world, walk.time = wp.from_torch(self._world), wp.from_torch(self.people.time)
         walk.near = wp.zeros(shape[0], dtype=int, device=self._device)
@@ -94,7 +94,6 @@ class Crowd:
             walk.poses = wp.from_torch(self.people.poses, dtype=wp.vec3)
             walk.velocities = wp.from_torch(self.people.velocities, dtype=wp.vec2)
             walk.progress = wp.from_torch(self.people.progress, dtype=wp.vec3)
-            walk.room = wp.from_torch(self._room)
         return walk
 
     def place(
@@ -117,8 +116,6 @@ class Crowd:
             now = getattr(self.people, name)
             wanted = getattr(told, name).to(now)
             now.copy_(torch.where(fresh.reshape(-1, *[1] * (now.dim() - 1)), wanted, now))
-        # what is near has to be looked for again
-        self._room.zero_()
 
     def state(self) -> People:
         """Return a copy of the people; it shares no memory."""
@@ -141,10 +138,7 @@ class Walkers:
     """
 
     def __init__(self, world: World, robots: Sequence[RobotSpec]) -> None:
-        heights = person_heights([world])
-        flat = planar_map(world, lidar_heights=(), body_height=max(heights, default=1.0))
-        self._geometry = build_geometry([flat], (), heights or (1.0,), "cpu")
-        self._crowd = Crowd([world], episodes=1, first_layer=0, device=torch.device("cpu"))
+        self._crowd = Crowd([world], [world.at_rest()], [0], episodes=1, device=torch.device("cpu"))
         self._crowd.place(torch.zeros(1, dtype=torch.int32), torch.ones(1, dtype=torch.bool))
         structs: list[Any] = []
         for robot in robots:
@@ -179,13 +173,13 @@ class Walkers:
         wp.launch(
             crowd_kernels.walk_alone, dim=1, device="cpu",
             inputs=[
-                int(is_first), CONTROL_PERIOD, SUBSTEPS, self._robots, *robots, self._geometry,
+                int(is_first), CONTROL_PERIOD, SUBSTEPS, self._robots, *robots,
                 self._crowd.crowds, self._crowd.walk,
             ],
         )  # fmt: skip
 
 
-def _crowds(pool: Sequence[World], layers: dict[float, int], device: Any) -> Any:
+def _crowds(pool: Sequence[World], device: Any) -> Any:
     people = [person for world in pool for person in world.people]
     moving = [obstacle for world in pool for obstacle in world.moving]
     points = [point for person in people for point in person.route]
@@ -199,7 +193,7 @@ def _crowds(pool: Sequence[World], layers: dict[float, int], device: Any) -> Any
 
     crowds.first_walker = array(np.cumsum([0, *(len(world.people) for world in pool)]).tolist(), int)
     crowds.first_mover = array(np.cumsum([0, *(len(world.moving) for world in pool)]).tolist(), int)
-    walkers = [_walker(p, layers, int(first)) for p, first in zip(people, first_points, strict=False)]
+    walkers = [_walker(p, int(first)) for p, first in zip(people, first_points, strict=False)]
     movers = [_mover(each, int(first)) for each, first in zip(moving, first_keys, strict=False)]
     # a kernel is never given an empty array
     crowds.walkers = array(walkers or [crowd_kernels.Walker()], crowd_kernels.Walker)
@@ -209,11 +203,39 @@ def _crowds(pool: Sequence[World], layers: dict[float, int], device: Any) -> Any
     return crowds
 
 
-def _walker(person: Person, layers: dict[float, int], first_point: int) -> Any:
+def _add_fields(
+    crowds: Any, rooms: Sequence[World], walked: Collection[int], height: float, device: Any
+) -> None:
+    """Give the rooms where people walk the distances to their obstacles.
+
+    Args:
+        crowds: of the kernels.
+        rooms: worlds without what moves.
+        walked: indices of the rooms with people.
+        height: of the tallest person, metres.
+        device: Warp's.
+    """
+    fields: list[Any] = []
+    distances = [np.zeros(4, np.float32)]
+    first = 4
+    for index, room in enumerate(rooms):
+        field = crowd_kernels.Field()
+        fields.append(field)
+        if index in walked:
+            space = free_space(room, body_height=height, resolution=RESOLUTION)
+            field.origin, field.cells_per_metre = wp.vec2(*space.origin), 1 / space.resolution
+            field.rows, field.columns = space.distance.shape
+            field.first, first = first, first + space.distance.size
+            distances.append(space.distance.ravel())
+    crowds.fields = wp.array(fields, dtype=crowd_kernels.Field, device=device)
+    crowds.distances = wp.array(np.concatenate(distances), dtype=float, device=device)
+
+
+def _walker(person: Person, first_point: int) -> Any:
     out = crowd_kernels.Walker()
     out.radius, out.height, out.speed = person.radius, person.height, person.speed
     out.first_point, out.points = first_point, len(person.route)
-    out.loop, out.layer = int(person.loop), layers[person.height]
+    out.loop = int(person.loop)
     return out
 
 

@@ -9,8 +9,8 @@ preferred one (Helbing and Molnar 1995); and a person that gets nowhere for some
 
 import warp as wp
 
-from hpp_framework.sim.batch.drive_kernels import from_box, is_near, pushed_out
-from hpp_framework.sim.batch.kernels import Box, Geometry, Grid, Robot, bearing, cell_at
+from hpp_framework.sim.batch.drive_kernels import from_box
+from hpp_framework.sim.batch.kernels import Box, Robot, bearing
 
 wp.set_module_options({"enable_backward": False})
 
@@ -37,8 +37,8 @@ FASTEST = wp.constant(1.3)
 
 WALL_REACH = wp.constant(0.3)
 """Metres from the edge of a body within which walls are felt; the force is 0.15 m/s^2 there."""
-LOOK = wp.constant(0.8)
-"""Metres from the edge of a body within which walls are looked for, so that it is not done in each step."""
+SLACK = wp.constant(0.07)
+"""Metres by which a distance between the middles of cells may be too large: bodies keep it off walls."""
 NEARBY = wp.constant(2.25)
 """Square metres within which others are felt; who does not come nearer has 6 cm/s^2 there."""
 FARTHEST = wp.constant(16.0)
@@ -73,7 +73,6 @@ class Walker:
     first_point: int
     points: int
     loop: int
-    layer: int
 
 
 @wp.struct
@@ -91,6 +90,17 @@ class Mover:
 
 
 @wp.struct
+class Field:
+    """Distances to the nearest obstacle on a grid over a room; row by row, at the middles of cells."""
+
+    origin: wp.vec2
+    cells_per_metre: float
+    columns: int
+    rows: int
+    first: int
+
+
+@wp.struct
 class Crowds:
     """What moves in all worlds of a pool; that of world ``w`` begins at ``first_...[w]``."""
 
@@ -100,6 +110,9 @@ class Crowds:
     first_mover: wp.array(dtype=int)
     movers: wp.array(dtype=Mover)
     keys: wp.array(dtype=wp.vec3)
+    fields: wp.array(dtype=Field)
+    """Of the rooms."""
+    distances: wp.array(dtype=float)
 
 
 @wp.struct
@@ -113,8 +126,6 @@ class Walk:
     progress: wp.array2d(dtype=wp.vec3)
     forces: wp.array2d(dtype=wp.vec2)
     """Scratch, m/s^2."""
-    room: wp.array2d(dtype=float)
-    """Metres from the middle of a person to the nearest obstacle, at least."""
     is_near: wp.array2d(dtype=wp.bool)
     """Whether a person may meet a robot or obstacle in this period; all others have walked it already."""
     near: wp.array(dtype=int)
@@ -153,38 +164,24 @@ def from_mover(point: wp.vec2, mover: Mover, place: wp.vec2) -> wp.vec3:
 
 
 @wp.func
-def nearest_in_cell(index: int, point: wp.vec2, nearest: wp.vec3, geometry: Geometry) -> wp.vec3:
-    """Return the nearest of what was found before and what a cell holds; see ``nearest_obstacle``."""
-    cell = geometry.cells[index]
-    after = geometry.cells[index + 1]
-    for b in range(cell.first_box, after.first_box):
-        found = from_box(point, geometry.boxes[b])
-        if found[2] < nearest[2]:
-            nearest = found
-    for c in range(cell.first_disc, after.first_disc):
-        disc = geometry.discs[c]
-        apart = wp.vec2(point[0] - disc[0], point[1] - disc[1])
-        distance = wp.max(wp.length(apart), 1.0e-9)
-        if distance - disc[2] < nearest[2]:
-            nearest = wp.vec3(apart[0] / distance, apart[1] / distance, distance - disc[2])
-    return nearest
-
-
-@wp.func
-def nearest_obstacle(point: wp.vec2, reach: float, grid: Grid, geometry: Geometry) -> wp.vec3:
-    """Unit vector away from the nearest obstacle, and the distance to it, ``reach`` at most."""
-    nearest = wp.vec3(1.0, 0.0, reach)
-    around = reach + grid.spill
-    body = wp.vec4(point[0], point[1], 0.0, 0.0)
-    low = cell_at(grid, point[0] - around, point[1] - around)
-    high = cell_at(grid, point[0] + around, point[1] + around)
-    for row in range(low[1], high[1] + 1):
-        for column in range(low[0], high[0] + 1):
-            index = grid.first_cell + row * grid.columns + column
-            if is_near(geometry.cells[index], body, nearest[2]):
-                nearest = nearest_in_cell(index, point, nearest, geometry)
-    # the last cell holds what is long
-    return nearest_in_cell(grid.first_cell + grid.columns * grid.rows, point, nearest, geometry)
+def wall_at(point: wp.vec2, field: Field, crowds: Crowds) -> wp.vec3:
+    """Vector away from walls, at most 1 long, and the distance to the nearest: bilinear between cells."""
+    place = (point - field.origin) * field.cells_per_metre
+    column = wp.clamp(place[0] - 0.5, 0.0, float(field.columns) - 1.001)
+    row = wp.clamp(place[1] - 0.5, 0.0, float(field.rows) - 1.001)
+    left = int(column)
+    low = int(row)
+    x = column - float(left)
+    y = row - float(low)
+    first = field.first + low * field.columns + left
+    near = crowds.distances[first]
+    right = crowds.distances[first + 1] - near
+    above = crowds.distances[first + field.columns]
+    above_right = crowds.distances[first + field.columns + 1] - above
+    along = right + y * (above_right - right)
+    up = (above + x * above_right) - (near + x * right)
+    steepness = wp.max(wp.sqrt(along * along + up * up), 1.0 / field.cells_per_metre)
+    return wp.vec3(along / steepness, up / steepness, near + x * right + y * up)
 
 
 @wp.func
@@ -206,26 +203,24 @@ def away_from(apart: wp.vec2, distance_sq: float, relative: wp.vec2) -> wp.vec2:
     if distance_sq < 1.0e-6:
         return none
     distance = wp.sqrt(distance_sq)
-    towards = apart / distance
-    interaction = VELOCITY_WEIGHT * relative + towards
-    length_sq = wp.dot(interaction, interaction)
-    if distance_sq > FAINT * RANGE * RANGE * length_sq:
+    # the interaction vector D = lambda v + e times the distance: few divisions, which wait for each other
+    scaled = VELOCITY_WEIGHT * distance * relative + apart
+    length_sq = wp.dot(scaled, scaled)
+    if distance_sq * distance_sq > FAINT * RANGE * RANGE * length_sq:
         return none
-    cosine = wp.dot(interaction, towards)
+    along = wp.dot(scaled, apart)
     # who passes far aside is not felt: (n B theta)^2 is 3.8 and more
-    if length_sq > 9.0 and (cosine < 0.0 or cosine * cosine < 0.36 * length_sq):
+    if length_sq > 9.0 * distance_sq and (along < 0.0 or along * along < 0.36 * length_sq * distance_sq):
         return none
     length = wp.sqrt(length_sq)
-    direction = interaction / length
-    reach = RANGE * length
-    angle = bearing(cosine, interaction[0] * towards[1] - interaction[1] * towards[0]) + SIDE
-    side = wp.where(angle < 0.0, -1.0, 1.0)
-    slowing = SLOWING * reach * angle
-    turning = TURNING * reach * angle
-    near = distance / reach
-    ahead = -STRENGTH * wp.exp(-near - slowing * slowing)
-    aside = -STRENGTH * side * wp.exp(-near - turning * turning)
-    return wp.vec2(ahead * direction[0] - aside * direction[1], ahead * direction[1] + aside * direction[0])
+    angle = bearing(along, scaled[0] * apart[1] - scaled[1] * apart[0]) + SIDE
+    side = wp.where(angle < 0.0, -STRENGTH, STRENGTH)
+    spread = RANGE * angle * (length / distance)
+    inverse = 1.0 / length
+    near = distance_sq * inverse / RANGE
+    ahead = -STRENGTH * wp.exp(-near - SLOWING * SLOWING * spread * spread) * inverse
+    aside = -side * wp.exp(-near - TURNING * TURNING * spread * spread) * inverse
+    return wp.vec2(ahead * scaled[0] - aside * scaled[1], ahead * scaled[1] + aside * scaled[0])
 
 
 @wp.func
@@ -282,7 +277,6 @@ def shift(episode: int, p: int, way: wp.vec2, distance: float, walk: Walk):
     """Move a person."""
     pose = walk.poses[episode, p]
     walk.poses[episode, p] = wp.vec3(pose[0] + way[0] * distance, pose[1] + way[1] * distance, pose[2])
-    walk.room[episode, p] = walk.room[episode, p] - distance
 
 
 @wp.func
@@ -351,7 +345,6 @@ def steer(
     robots: wp.array(dtype=Robot),
     robot_poses: wp.array3d(dtype=float),
     robot_velocities: wp.array3d(dtype=float),
-    geometry: Geometry,
     crowds: Crowds,
     walk: Walk,
 ):
@@ -361,13 +354,12 @@ def steer(
 
     Args:
         episode: whose people.
-        world: its geometry.
+        world: its room.
         period: seconds.
         substep: seconds of a substep, the unit of the episode's time.
         robots: the team.
         robot_poses: (episodes, robots, 3).
         robot_velocities: (episodes, robots, 2).
-        geometry: the worlds.
         crowds: what moves in them.
         walk: the people.
     """
@@ -386,19 +378,16 @@ def steer(
     feel_people(episode, first, count, crowds, walk)
     feel_robots(episode, first, count, period, robots, robot_poses, robot_velocities, crowds, walk)
     near = int(0)
+    field = crowds.fields[world]
     for p in range(count):
         walker = crowds.walkers[first + p]
         pose = walk.poses[episode, p]
         at = planar(pose)
         force = walk.forces[episode, p]
-        room = walk.room[episode, p]
-        if room < walker.radius + WALL_REACH:
-            grid = geometry.grids[walker.layer * geometry.worlds + world]
-            wall = nearest_obstacle(at, walker.radius + LOOK, grid, geometry)
-            room = wall[2]
-            walk.room[episode, p] = room
-            if room < walker.radius + WALL_REACH:
-                force += from_wall(planar(wall), room - walker.radius)
+        wall = wall_at(at, field, crowds)
+        room = wall[2] - SLACK - walker.radius
+        if wall[2] < walker.radius + WALL_REACH:
+            force += from_wall(planar(wall), wall[2] - walker.radius)
         for m in range(first_mover, last_mover):
             mover = crowds.movers[m]
             if mover.base < walker.height:
@@ -411,13 +400,12 @@ def steer(
             v = v * (fastest / speed)
             speed = fastest
         walk.velocities[episode, p] = v
-        if walk.is_near[episode, p] or room - walker.radius < speed * period:
+        if walk.is_near[episode, p] or room < speed * period:
             walk.is_near[episode, p] = True
             near += 1
         else:
             heading = wp.where(speed > FACING, bearing(v[0], v[1]), pose[2])
             walk.poses[episode, p] = wp.vec3(at[0] + period * v[0], at[1] + period * v[1], heading)
-            walk.room[episode, p] = room - speed * period
     walk.near[episode] = near
 
 
@@ -463,7 +451,6 @@ def move_people(
     dt: float,
     robots: wp.array(dtype=Robot),
     robot_poses: wp.array3d(dtype=float),
-    geometry: Geometry,
     crowds: Crowds,
     walk: Walk,
 ):
@@ -477,6 +464,7 @@ def move_people(
     own = walk.world[episode]
     first = crowds.first_walker[own]
     now = float(walk.time[episode]) * dt
+    field = crowds.fields[world]
     for p in range(crowds.first_walker[own + 1] - first):
         if walk.is_near[episode, p]:
             walker = crowds.walkers[first + p]
@@ -490,18 +478,14 @@ def move_people(
                     wall = from_mover(at, mover, place_of(mover, crowds, now))
                     if wall[2] < walker.radius:
                         at = at + (walker.radius - wall[2]) * planar(wall)
-            room = walk.room[episode, p] - wp.length(at - before)
-            if room < walker.radius:
-                grid = geometry.grids[walker.layer * geometry.worlds + world]
-                pushed = pushed_out(at, walker.radius, grid, geometry)
-                at = planar(pushed)
-                room = walker.radius + pushed[2]
+            for _corner in range(2):
+                wall = wall_at(at, field, crowds)
+                at = at + wp.max(walker.radius + SLACK - wall[2], 0.0) * planar(wall)
             if overlaps_robot(episode, at, walker.radius, robots, robot_poses) and not overlaps_robot(
                 episode, before, walker.radius, robots, robot_poses
             ):
                 # between a robot and something else it stays where it was
                 at = before
-                room = 0.0
             if at[0] != free[0] or at[1] != free[1]:
                 # what is left of its speed; being pushed makes none
                 actual = (at - before) / dt
@@ -509,7 +493,6 @@ def move_people(
                 walk.velocities[episode, p] = v
             heading = wp.where(wp.dot(v, v) > FACING * FACING, bearing(v[0], v[1]), walk.poses[episode, p][2])
             walk.poses[episode, p] = wp.vec3(at[0], at[1], heading)
-            walk.room[episode, p] = room
 
 
 @wp.kernel
@@ -520,7 +503,6 @@ def walk_alone(
     robots: wp.array(dtype=Robot),
     robot_poses: wp.array3d(dtype=float),
     robot_velocities: wp.array3d(dtype=float),
-    geometry: Geometry,
     crowds: Crowds,
     walk: Walk,
 ):
@@ -533,11 +515,10 @@ def walk_alone(
         robots: the team; only radii are read.
         robot_poses: (1, robots, 3).
         robot_velocities: (1, robots, 2).
-        geometry: the world.
         crowds: what moves in it.
         walk: the people.
     """
     dt = period / float(substeps)
     if is_first == 1:
-        steer(0, 0, period, dt, robots, robot_poses, robot_velocities, geometry, crowds, walk)
-    move_people(0, 0, dt, robots, robot_poses, geometry, crowds, walk)
+        steer(0, 0, period, dt, robots, robot_poses, robot_velocities, crowds, walk)
+    move_people(0, 0, dt, robots, robot_poses, crowds, walk)

@@ -19,7 +19,7 @@ from hpp_framework.core.types import People, State
 from hpp_framework.core.world import World
 from hpp_framework.sim.batch import among_kernels, drive_kernels, lidar_kernels
 from hpp_framework.sim.batch import kernels as batch_kernels
-from hpp_framework.sim.batch.crowd import Crowd, anything_moves, person_heights, settled
+from hpp_framework.sim.batch.crowd import Crowd, anything_moves, settled
 from hpp_framework.sim.batch.grid import build_geometry
 from hpp_framework.sim.simulator import SUBSTEPS, Simulator
 from hpp_framework.utils.errors import SimulatorError
@@ -84,11 +84,11 @@ class BatchSimulator(Simulator):
         # people differ from episode to episode where rooms do not
         rooms = {world: index for index, world in enumerate(dict.fromkeys(w.at_rest() for w in pool))}
         self._room_of = torch.tensor([rooms[world.at_rest()] for world in pool], dtype=torch.int32)
-        bodies = [*self._touched_below, *person_heights(pool)]
+        tallest = max(self._touched_below)
         self._geometry = build_geometry(
-            [planar_map(room, lidar_heights=self._seen_from, body_height=max(bodies)) for room in rooms],
+            [planar_map(room, lidar_heights=self._seen_from, body_height=tallest) for room in rooms],
             self._seen_from,
-            bodies,
+            self._touched_below,
             self._warp_device,
         )
         shape = (episodes, len(self.robots))
@@ -107,8 +107,9 @@ class BatchSimulator(Simulator):
         )
         self._crowd = None
         if anything_moves(pool):
-            first = len(self._seen_from) + len(self._touched_below)
-            self._crowd = Crowd(pool, episodes=episodes, first_layer=first, device=self.device)
+            self._crowd = Crowd(
+                pool, tuple(rooms), self._room_of.tolist(), episodes=episodes, device=self.device,
+            )  # fmt: skip
             touched_person = zeros(dtype=torch.bool)
             self._state = replace(self._state, touched_person=touched_person, people=self._crowd.people)
         self._world_index = torch.zeros(episodes, dtype=torch.int32, device=self.device)
