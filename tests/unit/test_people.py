@@ -10,6 +10,7 @@ import torch
 
 from hpp_framework.core.types import State
 from hpp_framework.core.world import Box, MovingObstacle, Person, World
+from hpp_framework.envs.episode import EpisodeConfig, TeamEpisode
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import numpy_rng
@@ -249,3 +250,31 @@ def test_a_world_without_people_says_nothing_of_them(fetch):
     state = states([fetch], World(name="empty"), [AWAY], steps=1)[-1]
     assert state.people is None
     assert state.touched_person is None
+
+
+@pytest.mark.parametrize("name", ["crowd", "corridor-crowd"])
+def test_crowds_take_a_number_of_people_and_refuse_others(name):
+    assert len(resolve_world(name)(numpy_rng(0)).people) == 5
+    drawn = resolve_world(f"{name}:people=12")(numpy_rng(0))
+    assert len(drawn.people) == 12
+    assert drawn == resolve_world(f"{name}:people=12")(numpy_rng(0)) != resolve_world(name)(numpy_rng(1))
+    for text, message in (
+        (":peple=1", "'peple' is no setting"),
+        (":people=999", "from 0 to 100"),
+        (":people=x", "whole"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            resolve_world(name + text)(numpy_rng(0))
+
+
+def test_an_environment_has_other_people_each_seed_and_the_same_again():
+    episode = TeamEpisode("fetch,freight", "crowd", EpisodeConfig())
+    starts = []
+    for seed in (1, 2, 1):
+        episode.reset(seed)
+        starts.append(episode.state.people.poses.clone())
+        episode.step(np.zeros((2, 2), np.float32))
+        assert episode.draw(np.full((2, 2), np.nan)).shape == (480, 480, 3)
+    assert torch.equal(starts[0], starts[2])
+    assert not torch.equal(starts[0], starts[1])
+    episode.close()
