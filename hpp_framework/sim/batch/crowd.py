@@ -110,11 +110,15 @@ class Crowd:
         fresh = fresh.to(self.people.poses.device)
         chosen = self._world.long()
         start = self._starts[chosen]
-        still = torch.zeros_like(start[..., :2]) + 0 * start[..., :2]
+        # NaN where there is nobody
+        still = 0 * start[..., :2]
         told = people or People(start, still, self._ways[chosen], torch.zeros_like(self.people.time))
         for name in ("poses", "velocities", "progress", "time"):
             now = getattr(self.people, name)
             wanted = getattr(told, name).to(now)
+            if now.dim() > 1:
+                # told of more worlds than these, whose people may be more
+                wanted = wanted[:, : now.shape[1]]
             now.copy_(torch.where(fresh.reshape(-1, *[1] * (now.dim() - 1)), wanted, now))
 
     def state(self) -> People:
@@ -130,7 +134,8 @@ class Walkers:
 
         walkers = Walkers(world, robots)
         for substep in range(SUBSTEPS):
-            places = walkers.walk(poses, velocities, is_first=substep == 0)
+            walkers.walk(poses, velocities, is_first=substep == 0)
+            move_bodies(walkers.people)
 
     Args:
         world: whose people are settled.
