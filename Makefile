@@ -6,6 +6,7 @@ SHELL := /bin/bash
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEMO_OUT ?= out/demo
+PYTEST_ARGS ?= -n auto
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -17,7 +18,7 @@ $(STAMP): pyproject.toml constraints/ci.txt scripts/make-venv.sh
 demo: $(STAMP) vulkan ## two robots meet behind a wall, in SAPIEN: video and plot
 	@$(BIN)/hpp run --world wall --team fetch,freight --planner hpp --preset best --backend sapien --seed 0 --out $(DEMO_OUT)
 
-test: $(STAMP) ## run the tests (more options: make test PYTEST_ARGS="-n 2")
+test: $(STAMP) ## run the tests, one process a core (other options: make test PYTEST_ARGS="-x -k lidar")
 	@$(BIN)/python -m pytest tests $(PYTEST_ARGS)
 
 lint: $(STAMP) ## style, formatting and the direction of dependencies

@@ -19,6 +19,8 @@ UNCHECKED = {
     "hpp_framework.sim.batch.kernels",
     "hpp_framework.sim.batch.drive_kernels",
     "hpp_framework.sim.batch.lidar_kernels",
+    "hpp_framework.sim.batch.crowd_kernels",
+    "hpp_framework.sim.batch.among_kernels",
     "hpp_framework.prediction.one_step_kernels",
     "hpp_framework.perception.local_map_kernels",
     "hpp_framework.perception.estimators.tracker_kernels",

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 
+import numpy as np
 import torch
 
 from hpp_framework.bench.measurement import Measurement, Settings, SkippedError, rates, ratios, timed
@@ -15,9 +16,13 @@ from hpp_framework.sim import make_simulator
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import SimulatorError
 from hpp_framework.utils.seeding import numpy_rng, torch_rng
+from hpp_framework.worlds.people import populate
 
 BOXES = 20
 """Boxes of the usual case; with the outer walls they are 96 segments."""
+
+PEOPLE = 10
+"""People whose cost is measured."""
 
 COMMANDS = 16
 """Different commands that a simulation repeats."""
@@ -36,6 +41,7 @@ class Case:
         beams: a scan.
         segments: obstacle segments a world, 16 of them the outer walls.
         rooms: different rooms.
+        people: who walk in each of them.
     """
 
     worlds: int = 1024
@@ -43,6 +49,7 @@ class Case:
     beams: int = 222
     segments: int = WALL_SEGMENTS + 4 * BOXES
     rooms: int = 32
+    people: int = 0
 
 
 class Loop:
@@ -60,6 +67,8 @@ class Loop:
         boxes = (case.segments - WALL_SEGMENTS) // 4
         rooms = [furnished(rng, boxes) for _ in range(min(case.rooms, case.worlds))]
         poses = starts(rooms, robots, case.worlds, rng)
+        people = numpy_rng(settings.seed, "bench", "people")
+        rooms = [populate(room, (), np.zeros((0, 2)), people, more=case.people) for room in rooms]
         self.simulator = BatchSimulator(robots, device=settings.device, threads=settings.threads)
         self.simulator.load(rooms, episodes=case.worlds)
         worlds = torch.arange(case.worlds, dtype=torch.int32) % len(rooms)
@@ -112,6 +121,7 @@ def simulation(settings: Settings) -> Iterator[Measurement]:
     if settings.threads > 1:
         yield _agent_steps(cases[0], replace(settings, threads=1))
     yield _growth(settings)
+    yield _crowded(settings)
 
 
 def _agent_steps(case: Case, settings: Settings) -> Measurement:
@@ -145,6 +155,16 @@ def _growth(settings: Settings) -> Measurement:
     values = ratios([s / dense.steps for s in seconds["many"]], [s / sparse.steps for s in seconds["few"]])
     measured = _measured("time of a step, ratio", many, settings, values, unit="x")
     return replace(measured, parameters={**measured.parameters, "against_segments": FEW})
+
+
+def _crowded(settings: Settings) -> Measurement:
+    """Return how many times longer a step takes with people than without."""
+    usual = settings.pick(Case(worlds=4, rooms=2), Case(), Case(worlds=4096))
+    crowded = replace(usual, people=PEOPLE)
+    with closing(Loop(usual, settings)) as alone, closing(Loop(crowded, settings)) as among:
+        seconds = timed({"alone": alone.drive, "among": among.drive}, settings.repeats)
+    values = ratios([s / among.steps for s in seconds["among"]], [s / alone.steps for s in seconds["alone"]])
+    return _measured("time of a step among people, ratio", crowded, settings, values, unit="x")
 
 
 def scans(settings: Settings) -> Iterator[Measurement]:

@@ -67,6 +67,8 @@ class Evaluate:
     save: str = ""
     """Episodes of each world and planner to keep for 'hpp inspect' (run again at the end): numbers, or
     failures, touched, best, median, worst, all; separated by commas."""
+    people: int = 0
+    """Pedestrians who walk between random places, beside those that a world has of its own."""
     disturbances: str = DEFAULT_DISTURBANCES
     """Of sensing and acting: ideal, paper, field or harsh, with settings or without, e.g.
     field:command_delay=0.4:nan_beams=0.01."""

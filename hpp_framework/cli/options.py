@@ -70,6 +70,7 @@ def to_experiment(
         estimator=options.estimator,
         weights=names(options.weights, "--weights") if options.weights else (),
         settings=parse_settings(list(chain(*options.set)), "--set"),
+        people=options.people,
     )
 
 

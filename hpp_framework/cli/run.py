@@ -52,6 +52,8 @@ class Run:
     """Extra folders searched for weights of predictors and policies, separated by commas."""
     set: Pairs = ()
     """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
+    people: int = 0
+    """Pedestrians who walk between random places, beside those that a world has of its own."""
     disturbances: str = DEFAULT_DISTURBANCES
     """Of sensing and acting: ideal, paper, field or harsh, with settings or without, e.g.
     field:command_delay=0.4:nan_beams=0.01."""

@@ -20,6 +20,27 @@ Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
+class People:
+    """Who walks around, side by side for all episodes; rows beyond the people of an episode are NaN.
+
+    Attributes:
+        poses: x, y in metres and walking direction in radians, world frame.
+        velocities: along x and y of the world frame, in m/s.
+        progress: next place of the route, direction along it (1 or -1), seconds of getting nowhere.
+        time: since the episode began, in substeps of the simulator.
+    """
+
+    poses: Float[Tensor, "b p 3"]
+    velocities: Float[Tensor, "b p 2"]
+    progress: Float[Tensor, "b p 3"]
+    time: Int[Tensor, "b"]
+
+    def episodes(self, chosen: slice | Tensor) -> People:
+        """Return the people of some of the episodes."""
+        return People(*(getattr(self, each.name)[chosen] for each in fields(self)))
+
+
+@dataclass(frozen=True)
 class State:
     """What a simulator knows after a step; noise-free.
 
@@ -30,6 +51,9 @@ class State:
             widest lidar of the team is padded with its maximum range.
         touched_obstacle: whether the robot touched an obstacle during the last control step.
         touched_robot: whether it touched another robot during the last control step.
+        touched_person: whether it touched a person while it was driving, during the last control step; None
+            where nothing moves but robots.
+        people: who walks around, and the time; None where nothing moves but robots.
     """
 
     poses: Float[Tensor, "b n 3"]
@@ -37,11 +61,20 @@ class State:
     scans: Float[Tensor, "b n k"]
     touched_obstacle: Bool[Tensor, "b n"]
     touched_robot: Bool[Tensor, "b n"]
+    touched_person: Bool[Tensor, "b n"] | None = None
+    people: People | None = None
 
     @property
     def collided(self) -> Bool[Tensor, "b n"]:
         """Whether the robot touched anything during the last control step."""
-        return self.touched_obstacle | self.touched_robot
+        touched = self.touched_obstacle | self.touched_robot
+        return touched if self.touched_person is None else touched | self.touched_person
+
+    def episodes(self, chosen: slice | Tensor) -> State:
+        """Return the state of some of the episodes."""
+        known = [each.name for each in fields(self) if getattr(self, each.name) is not None]
+        rows: dict[str, Any] = {name: getattr(self, name)[chosen] for name in known if name != "people"}
+        return State(**rows, people=self.people and self.people.episodes(chosen))
 
 
 @dataclass(frozen=True)
@@ -87,9 +120,8 @@ class Privileged:
 
     def episodes(self, chosen: slice) -> Privileged:
         """Return what is known of some of the episodes."""
-        state = State(*(getattr(self.state, each.name)[chosen] for each in fields(self.state)))
         seen = [observation.episodes(chosen) for observation in self.observations]
-        return Privileged(self.worlds[chosen], state, seen, self.running[chosen])
+        return Privileged(self.worlds[chosen], self.state.episodes(chosen), seen, self.running[chosen])
 
 
 @dataclass(frozen=True)

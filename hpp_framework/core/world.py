@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.utils.validation import NonNegative, Number, Positive, validated
+from hpp_framework.utils.validation import Flag, NonNegative, Number, Positive, validated
 
 WALL_THICKNESS = 0.1
 WALL_HEIGHT = 1.0
@@ -86,6 +87,99 @@ class Mesh:
 
 
 @validated
+class Person:
+    """A pedestrian, an upright cylinder that walks from place to place and avoids what it meets.
+
+    Without way-points and goal it walks between random places, which belong to the episode; see
+    :func:`hpp_framework.worlds.people.populate`.
+
+    Attributes:
+        start: (x, y) in metres, or None: its first way-point, or else a random free place.
+        waypoints: (x, y) of the places that it walks to after its start, in straight lines, in metres.
+        goal: (x, y) of the one place that it walks to along a shortest path and stays at, or None.
+        loop: whether it returns from the last way-point to its start and walks on; else it stays there.
+        speed: that it prefers, in m/s; 0 for a person who stands; None for a random one.
+        radius: of its body, in metres.
+        height: in metres.
+    """
+
+    start: tuple[Number, Number] | None = None
+    waypoints: tuple[tuple[Number, Number], ...] = ()
+    goal: tuple[Number, Number] | None = None
+    loop: Flag = True
+    speed: NonNegative | None = None
+    radius: Positive = 0.25
+    height: Positive = 1.7
+
+    def __post_init__(self) -> None:
+        if self.waypoints and self.goal is not None:
+            raise ConfigError("person: 'goal' has no use beside 'waypoints'; remove one of the two.")
+
+    @property
+    def route(self) -> tuple[tuple[float, float], ...]:
+        """Start and way-points, the places it walks along; empty while its start is unknown."""
+        return () if self.start is None else (self.start, *self.waypoints)
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing about this person is left to chance."""
+        known = self.start is not None and self.speed is not None and self.goal is None
+        return known and (bool(self.waypoints) or self.speed == 0)
+
+
+@validated
+class MovingObstacle:
+    """A box or an upright cylinder on a timetable, for example a sliding door; it avoids nothing.
+
+    It moves in straight lines from place to place. Before the first time it is at the first place, after the
+    last at the last one.
+
+    Attributes:
+        path: (time, x, y) of its centre, in seconds and metres, times increasing from 0 on.
+        size: extents of a box along its own x and y, in metres; None for a cylinder.
+        radius: of a cylinder, in metres; None for a box.
+        yaw: rotation of a box about z, in radians.
+        height: of its top above ``base``, in metres.
+        base: height of its underside above the floor, in metres.
+        loop: whether the timetable starts again after its last time.
+    """
+
+    path: tuple[tuple[NonNegative, Number, Number], ...]
+    size: tuple[Positive, Positive] | None = None
+    radius: Positive | None = None
+    yaw: Number = 0.0
+    height: Positive = 2.0
+    base: Number = 0.0
+    loop: Flag = False
+
+    def __post_init__(self) -> None:
+        if (self.size is None) == (self.radius is None):
+            raise ConfigError(
+                "moving obstacle: give either 'size' (a box) or 'radius' (a cylinder), and not both."
+            )
+        times = [time for time, _, _ in self.path]
+        if not times or any(later <= earlier for earlier, later in pairwise(times)):
+            raise ConfigError(
+                f"moving obstacle: 'path' must list [time, x, y] with increasing times, got times {times}."
+            )
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Return (x, y) of its centre at a time in seconds."""
+        times, x, y = np.array(self.path, np.float64).T
+        if self.loop and times[-1] > 0:
+            time %= times[-1]
+        return float(np.interp(time, times, x)), float(np.interp(time, times, y))
+
+    def outline(self, time: float) -> npt.NDArray[np.float64]:
+        """Return its outline (24, 2) at a time in seconds, counter-clockwise; a box repeats its corners."""
+        if self.size is not None:
+            corners = Box(center=self.at(time), size=self.size, yaw=self.yaw).corners()
+            return np.repeat(corners, 6, axis=0)
+        angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+        return np.array(self.at(time)) + (self.radius or 0.0) * np.stack([np.cos(angles), np.sin(angles)], -1)
+
+
+@validated
 class SpawnRule:
     """Where robots start.
 
@@ -127,6 +221,8 @@ class World:
         bounds: (x_min, y_min, x_max, y_max) in metres.
         walled: whether walls of 1 m height stand along the bounds.
         boxes, cylinders, meshes: the obstacles.
+        people: who walks around in it.
+        moving: obstacles on a timetable.
         spawn: where robots start.
         file: the world file it was read from, for messages; None if it was made in code.
     """
@@ -137,6 +233,8 @@ class World:
     boxes: tuple[Box, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
     meshes: tuple[Mesh, ...] = ()
+    people: tuple[Person, ...] = ()
+    moving: tuple[MovingObstacle, ...] = ()
     spawn: SpawnRule = field(default_factory=SpawnRule)
     file: Path | None = field(default=None, compare=False)
 
@@ -152,6 +250,10 @@ class World:
     def label(self) -> str:
         """The file, or else the name: how messages call this world."""
         return str(self.file) if self.file else f"world '{self.name}'"
+
+    def at_rest(self) -> World:
+        """Return the world without what moves: the same for all episodes, whoever walks in them."""
+        return replace(self, people=(), moving=()) if self.people or self.moving else self
 
     def solid_boxes(self) -> tuple[Box, ...]:
         """Return the boxes, and the outer walls if there are any."""

@@ -107,6 +107,7 @@ class TeamEpisode:
             raise ConfigError(f"start poses must be numbers of shape ({len(self.team)}, 3), got {poses!r}.")
         start = torch.as_tensor(np.asarray(poses, np.float32))[None]
         self._batch.begin([self.world], start, [seed])
+        self.world = self._batch.worlds[0]
         self.started = True
 
     def step(self, commands: FloatArray) -> float:
@@ -186,9 +187,11 @@ class TeamEpisode:
         if not self.started:
             raise SimulatorError("there is nothing to draw yet; call reset() first.")
         scans = [self.observe(i).scan[0].cpu().numpy() for i in range(len(self.team))]
+        moving = self.state.people
         return self._picture.draw(
-            self.world, self.poses, goals, scans=scans, clock=self.steps * CONTROL_PERIOD
-        )
+            self.world, self.poses, goals, scans=scans, clock=self.steps * CONTROL_PERIOD,
+            people=None if moving is None else moving.poses[0].cpu().numpy(),
+        )  # fmt: skip
 
     def close(self) -> None:
         """Free the simulator; safe to call twice."""

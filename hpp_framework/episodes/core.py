@@ -28,7 +28,8 @@ from hpp_framework.core.world import World
 from hpp_framework.episodes.links import CommandLinks
 from hpp_framework.perception.sensing import HISTORY, KEYFRAMES, Sensing
 from hpp_framework.sim.simulator import Simulator
-from hpp_framework.utils.seeding import EpisodeRng, child_seed
+from hpp_framework.utils.seeding import EpisodeRng, child_seed, numpy_rng
+from hpp_framework.worlds.people import populate
 
 
 class EpisodeBatch:
@@ -52,6 +53,7 @@ class EpisodeBatch:
         sustained: consecutive steps for which success has held.
         touched_obstacle: whether any robot touched an obstacle before the episode was done.
         touched_robot: whether any two robots touched each other before the episode was done.
+        touched_person: whether any robot drove into a person before the episode was done.
     """
 
     state: State
@@ -77,14 +79,18 @@ class EpisodeBatch:
         self.worlds: Sequence[World] = ()
 
     def begin(self, worlds: Sequence[World], starts: Float[Tensor, "b n 3"], seeds: Sequence[int]) -> None:
-        """Begin episodes, robots at rest.
+        """Begin episodes, robots at rest; what worlds leave open about their people is settled by the seeds.
 
         Args:
             worlds: one per episode.
             starts: poses in them.
             seeds: of the disturbances, one per episode.
         """
-        self.start(self.simulator.reset(worlds, starts), seeds, worlds)
+        settled = [
+            populate(world, self.simulator.robots, start, numpy_rng(seed, "people"))
+            for world, start, seed in zip(worlds, starts.numpy(), seeds, strict=True)
+        ]
+        self.start(self.simulator.reset(settled, starts), seeds, settled)
 
     def start(self, state: State, seeds: Sequence[int], worlds: Sequence[World] = ()) -> None:
         """Begin episodes in a state that the caller has brought the simulator into.
@@ -107,6 +113,7 @@ class EpisodeBatch:
         self.sustained = torch.zeros(count, dtype=torch.int64)
         self.touched_obstacle = torch.zeros(count, dtype=torch.bool)
         self.touched_robot = torch.zeros(count, dtype=torch.bool)
+        self.touched_person = torch.zeros(count, dtype=torch.bool)
 
     @property
     def running(self) -> Bool[Tensor, "b"]:
@@ -160,6 +167,8 @@ class EpisodeBatch:
         stage, running = self.stage, self.running
         self.touched_obstacle |= self.state.touched_obstacle.any(1).cpu() & running
         self.touched_robot |= self.state.touched_robot.any(1).cpu() & running
+        if self.state.touched_person is not None:
+            self.touched_person |= self.state.touched_person.any(1).cpu() & running
         if not stage.complete:
             return
         present = list(stage.present)

@@ -42,7 +42,8 @@ from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_framework.utils.progress import Progress
 from hpp_framework.utils.run_folder import write_json
 from hpp_framework.utils.seeding import child_seed, numpy_rng
-from hpp_framework.worlds.loader import WorldFactory, resolve_world
+from hpp_framework.worlds.loader import MOST_PEOPLE, WorldFactory, resolve_world
+from hpp_framework.worlds.people import populate
 from hpp_framework.worlds.spawn import spawn_poses
 
 CHUNK = {"batch": 100, "sapien": 5}
@@ -71,6 +72,7 @@ class Experiment:
         weights: extra folders searched for predictor weights.
         settings: of every planner that has parameters, by dotted name.
         members: what a team file says, all defaults filled in; read from it unless given.
+        people: pedestrians who walk between random places, beside those that a world has of its own.
     """
 
     worlds: tuple[str, ...]
@@ -88,6 +90,7 @@ class Experiment:
     weights: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
     members: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
+    people: int = 0
 
     def __post_init__(self) -> None:
         if is_team_file(self.team):
@@ -96,6 +99,8 @@ class Experiment:
             object.__setattr__(self, "members", members)
         if self.episodes < 1:
             raise ConfigError(f"episodes must be at least 1, got {self.episodes}.")
+        if not 0 <= self.people <= MOST_PEOPLE:
+            raise ConfigError(f"people must be from 0 to {MOST_PEOPLE}, got {self.people}.")
         if not self.worlds or not self.planners:
             raise ConfigError("name at least one world and one planner.")
 
@@ -236,7 +241,7 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
         about={
             "team": experiment.team, "control": experiment.control, "estimator": experiment.estimator,
             "disturbances": experiment.disturbances,
-            "backend": experiment.backend, "seed": experiment.seed,
+            "people": experiment.people, "backend": experiment.backend, "seed": experiment.seed,
         },
     )  # fmt: skip
     summary = summarise(results)
@@ -248,11 +253,13 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
 def draw_episode(
     experiment: Experiment, world: str, factory: WorldFactory, episode: int
 ) -> tuple[World, np.ndarray]:
-    """Return world and start poses (n, 3) of one episode; the same whatever planner runs in it."""
+    """Return world, its people settled, and start poses (n, 3) of one episode; the same for every planner."""
     team = experiment.make_team()
     rng = numpy_rng(experiment.seed, "episode", world, episode)
     drawn = factory(rng)
-    return drawn, spawn_poses(drawn, team.robots, rng)
+    starts = spawn_poses(drawn, team.robots, rng)
+    people_rng = numpy_rng(experiment.seed, "people", world, episode)
+    return populate(drawn, team.robots, starts, people_rng, more=experiment.people), starts
 
 
 @dataclass(frozen=True)

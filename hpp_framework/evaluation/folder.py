@@ -25,7 +25,7 @@ CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"
 MARL_EVAL = "marl_eval.json"
 RUN, EVALUATE = "run", "evaluate"
 
-ADDED: Mapping[str, Any] = {"settings": {}, "members": {}}
+ADDED: Mapping[str, Any] = {"settings": {}, "members": {}, "people": 0}
 """What experiments of older versions did not record, as they had it."""
 
 CONTENTS = {"world_files": "contents of world files", "task_file": "contents of the task file"}

@@ -51,6 +51,7 @@ class Recorder:
                 scans=[_array(o.scan[i]) for o in observations],
                 goals=[_array(agent.goal[i]) for agent in agents],
                 resting=[not bool(agent.command[i].any()) for agent in agents],
+                people=None if state.people is None else _array(state.people.poses[i]),
             )
         )
 
@@ -84,6 +85,8 @@ class Recorder:
             ground=floor_plan(world, body_height=max(robot.height for robot in team.robots)),
             poses=_array(episodes.poses[self.index, : last + 1]),
             agents=agents,
+            people=_people(world, [moment.people for moment in moments]),
+            moving=_moving(world, np.arange(len(moments)) * period),
         )
 
     def _plan(self, step: int, goal: Tensor, belief: Belief) -> Plan:
@@ -113,6 +116,25 @@ class _Moment:
     scans: list[np.ndarray]
     goals: list[np.ndarray]
     resting: list[bool]
+    people: np.ndarray | None = None
+
+
+def _people(world: World, poses: Sequence[np.ndarray | None]) -> np.ndarray | None:
+    """Return x, y, heading and radius (s, p, 4) of the people of a world at all moments."""
+    if not world.people:
+        return None
+    radii = np.array([person.radius for person in world.people], np.float32)
+    known = np.stack([each[: len(radii)] for each in poses if each is not None])
+    return np.concatenate([known, np.broadcast_to(radii[:, None], (*known.shape[:2], 1))], -1)
+
+
+def _moving(world: World, times: np.ndarray) -> np.ndarray | None:
+    """Return the outlines (s, m, 24, 2) of the moving obstacles of a world at all times."""
+    if not world.moving:
+        return None
+    return np.array(
+        [[obstacle.outline(float(time)) for obstacle in world.moving] for time in times], np.float32
+    )
 
 
 def _outcome(episodes: Episodes, index: int, period: float) -> dict[str, Any]:

@@ -39,6 +39,7 @@ class Episodes:
         touched_robot: whether any two robots touched each other before the episode was done.
         plan_seconds: wall time of single plans from a belief on, one episode and one agent at a time.
         present: who takes part at each time; None for everybody all the time.
+        touched_person: whether any robot drove into a person before the episode was done; None for never.
     """
 
     poses: Float[Tensor, "b t n 3"]
@@ -49,11 +50,13 @@ class Episodes:
     touched_robot: Bool[Tensor, "b"]
     plan_seconds: list[float]
     present: Bool[Tensor, "t n"] | None = None
+    touched_person: Bool[Tensor, "b"] | None = None
 
     @property
     def collided(self) -> Bool[Tensor, "b"]:
         """Whether any robot touched anything before the episode was done."""
-        return self.touched_obstacle | self.touched_robot
+        touched = self.touched_obstacle | self.touched_robot
+        return touched if self.touched_person is None else touched | self.touched_person
 
     def last_step(self) -> Int[Tensor, "b"]:
         """Return the step at which each episode ended: done, or out of time."""
@@ -126,6 +129,7 @@ def run_episodes(
         contact_step=batch.contact_step,
         touched_obstacle=batch.touched_obstacle,
         touched_robot=batch.touched_robot,
+        touched_person=batch.touched_person,
         plan_seconds=plan_seconds,
         present=presence(schedule, len(poses), len(agents)) if len(schedule) > 1 else None,
     )

@@ -21,7 +21,8 @@ class EpisodeRow:
 
     ``bound_s`` is from :func:`~hpp_framework.evaluation.task_bounds.task_bounds`, ``rpl`` is success times
     bound over time; ``goal_gap_m``, ``agreement_s``, ``side_flips`` and ``chase`` are from
-    :class:`~hpp_framework.evaluation.coordination.Coordination`.
+    :class:`~hpp_framework.evaluation.coordination.Coordination`; ``touched_person`` is missing in tables of
+    earlier versions, where nobody walked.
     """
 
     world: str
@@ -43,6 +44,7 @@ class EpisodeRow:
     agreement_s: float
     side_flips: int
     chase: float
+    touched_person: int = 0
 
 
 def to_rows(
@@ -60,6 +62,7 @@ def to_rows(
     together = coordination(episodes)
     last = episodes.last_step()
     final = episodes.spread()[torch.arange(len(last)), last]
+    people = torch.zeros_like(last) if episodes.touched_person is None else episodes.touched_person
     plan_ms = median_ms(episodes.plan_seconds)
     done, contact = episodes.done_step.tolist(), episodes.contact_step.tolist()
 
@@ -79,6 +82,7 @@ def to_rows(
             goal_gap_m=round(float(together.goal_gap[i]), 4),
             agreement_s=round(float(together.agreement[i]), 3),
             side_flips=int(together.side_flips[i]), chase=round(float(together.chase[i]), 4),
+            touched_person=int(people[i]),
         )
         for i, number in enumerate(numbers)
     ]  # fmt: skip

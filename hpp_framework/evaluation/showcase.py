@@ -33,6 +33,9 @@ CROSS = 0.22
 """Half the width of a goal's cross on the floor, metres."""
 
 
+Places = npt.NDArray[np.floating]
+
+
 def _nobody(what: str, done: int, total: int) -> None:
     del what, done, total
 
@@ -165,8 +168,8 @@ def _camera(
     view = team_view(world, record.poses[0], ways=record.poses, size=size)
     camera = SceneCamera(world, robots, view, size=size)
 
-    def picture(poses: npt.NDArray[np.floating], goals: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
-        image = camera.picture(poses)
+    def picture(poses: Places, goals: Places, people: Places | None, time: float) -> npt.NDArray[np.uint8]:
+        image = camera.picture(poses, people=None if people is None else people[:, :3], time=time)
         for goal, color in zip(goals, colors, strict=True):
             for ink, width in ((WHITE, 7), (color, 4)):
                 for turn in ((1, 1), (1, -1)):

@@ -110,6 +110,7 @@ def _cell(results: Results, world: str, planner: str) -> dict[str, Any]:
         "collision_episodes": sum(row.collided for row in cell),
         "obstacle_episodes": sum(row.touched_obstacle for row in cell),
         "robot_episodes": sum(row.touched_robot for row in cell),
+        "person_episodes": sum(row.touched_person for row in cell),
         "final_distance_mean_m": _mean([row.final_distance_m for row in cell], 3),
         "goal_gap_median_m": _median([row.goal_gap_m for row in cell], 3),
         "agreed": _mean([not math.isnan(row.agreement_s) for row in cell], 4),

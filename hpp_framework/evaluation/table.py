@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, fields
+from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,7 +21,8 @@ def read_rows(file: Path, kind: type[Row]) -> list[Row]:
 
     Args:
         file: written by :func:`write_rows`.
-        kind: dataclass of a row, its fields text, whole numbers or numbers.
+        kind: dataclass of a row, its fields text, whole numbers or numbers; the last columns may be missing
+            where their fields have defaults.
 
     Raises:
         ConfigError: if the file cannot be read or is damaged.
@@ -34,7 +35,9 @@ def read_rows(file: Path, kind: type[Row]) -> list[Row]:
     try:
         with file.open(newline="", encoding="utf-8") as stream:
             table = csv.DictReader(stream)
-            if table.fieldnames != list(readers):
+            found = list(table.fieldnames or ())
+            left_out = fields(dataclass)[len(found) :]
+            if found != list(readers)[: len(found)] or any(each.default is MISSING for each in left_out):
                 raise ConfigError(f"'{file}' is damaged, its columns are not {', '.join(readers)}. {remedy}")
             return [kind(**{name: readers[name](value) for name, value in row.items()}) for row in table]
     except OSError as error:

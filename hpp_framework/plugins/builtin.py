@@ -17,6 +17,8 @@ WORLDS: Table = (
     ("barn", "generators.barn:barn", "dense clutter after the BARN data set, 5 x 5 m"),
     ("walls", "generators.walls:walls", "one to three long thick walls: for tuning planners"),
     ("varied", "generators.varied:varied", "training, mixed or walls: what predictors are trained in"),
+    ("crowd", "generators.crowds:crowd", "an open hall where people walk (people=5)"),
+    ("corridor-crowd", "generators.crowds:corridor_crowd", "wide corridors where people walk (people=5)"),
     ("maze", "generators.maze:maze", "a maze with many ways (held out: for reports only)"),
     ("u-trap", "generators.held_out:u_trap", "a dead end between the robots (held out: for reports only)"),
     (

@@ -33,8 +33,8 @@ Frame = npt.NDArray[np.uint8]
 Poses = npt.NDArray[np.floating]
 
 
-Camera = Callable[[Poses, Poses], Frame]
-"""Draws the true world at poses (n, 3) with everybody's goals (n, 2)."""
+Camera = Callable[[Poses, Poses, Poses | None, float], Frame]
+"""Draws the true world at poses (n, 3) with everybody's goals (n, 2), people (p, 4) and a time in seconds."""
 
 CameraMaker = Callable[[tuple[int, int]], Camera | None]
 """Makes a camera for pictures of (width, height), or none if there is no way to draw in 3-D."""
@@ -91,7 +91,7 @@ class _Film:
         """Draw one moment between a step and the next."""
         poses = _between(self.record.poses, step, share)
         tiles = [self._mind(mind, still, step, share) for mind, still in zip(self.minds, stills, strict=True)]
-        tiles += [self._spare(poses, step, tiles[0])] * (self.columns * self.rows - len(tiles))
+        tiles += [self._spare(poses, step, share, tiles[0])] * (self.columns * self.rows - len(tiles))
         rows = [np.hstack(tiles[r * self.columns : (r + 1) * self.columns]) for r in range(self.rows)]
         picture = np.hstack([self._shared(poses, step, share), np.vstack(rows)])
         return np.vstack([picture, self.legend])
@@ -99,16 +99,26 @@ class _Film:
     def _shared(self, poses: Poses, step: int, share: float) -> Frame:
         goals = self.goals[step]
         if self.camera is None:
-            image = self.top.frame(poses, goals=goals, trails=self.record.poses[: step + 1])
+            image = self._above(self.top, poses, step, share)
         else:
-            image = self.camera(poses, goals)
+            people = None if self.record.people is None else _between(self.record.people, step, share)
+            image = self.camera(poses, goals, people, (step + share) * self.record.period)
         return np.vstack([strip(SHARED_WIDTH, self._shared_lines(poses, step, share)), image])
 
-    def _spare(self, poses: Poses, step: int, like: Frame) -> Frame:
+    def _above(self, view: TopDown, poses: Poses, step: int, share: float) -> Frame:
+        """Draw all that is true from above."""
+        record = self.record
+        return view.frame(
+            poses, goals=self.goals[step], trails=record.poses[: step + 1],
+            people=None if record.people is None else _between(record.people, step, share),
+            moving=None if record.moving is None else record.moving[step],
+        )  # fmt: skip
+
+    def _spare(self, poses: Poses, step: int, share: float, like: Frame) -> Frame:
         """Draw everybody from above where a view is left over."""
         if self.above is None:
             return np.full_like(like, 255)
-        image = self.above.frame(poses, goals=self.goals[step], trails=self.record.poses[: step + 1])
+        image = self._above(self.above, poses, step, share)
         return np.vstack([strip(image.shape[1], ["everybody", "true places, and all goals"]), image])
 
     def _shared_lines(self, poses: Poses, step: int, share: float) -> list[str]:

@@ -103,6 +103,10 @@ class Inspection:
         for i, color in enumerate(self.truth.colors):
             true = record.poses[plan.step : last + 1, i, :2]
             marks.draw_path(image, canvas, true, marks.mix(color, 0.6), canvas.stroke(0.2))
+        if record.moving is not None:
+            marks.draw_moving(image, canvas, record.moving[plan.step])
+        if record.people is not None:
+            marks.draw_people(image, canvas, record.people[plan.step])
         self._compare(image, decision)
         poses = record.poses[plan.step]
         for robot, pose, color in zip(record.robots, poses, self.truth.colors, strict=True):

@@ -25,6 +25,12 @@ PALETTE: tuple[Color, ...] = (
 )  # fmt: skip
 """Colours of robots without one of their own, in team order."""
 
+COATS: tuple[Color, ...] = (
+    (176, 70, 84), (70, 128, 104), (146, 112, 160), (172, 146, 70), (76, 112, 134), (176, 122, 140)
+)  # fmt: skip
+"""Colours of people, in turn; duller than those of robots."""
+DOOR: Color = (158, 112, 76)
+
 DASH = 9.0
 """Length in pixels of a dash, and of the gap after it."""
 
@@ -189,6 +195,35 @@ def draw_robot(
     arrow = np.array([[0.78, 0.0], [-0.35, 0.5], [-0.12, 0.0], [-0.35, -0.5]]) * shown
     tip = canvas.pixels(geometry.to_world(np.broadcast_to(place, (4, 3)), arrow))
     cv2.fillPoly(image, [tip], color if hollow else WHITE, cv2.LINE_AA, shift=Canvas.SHIFT)
+
+
+def draw_people(image: Image, canvas: Canvas, people: Array) -> None:
+    """Draw people from above: shoulders, and a head that looks where they walk.
+
+    Args:
+        image: (height, width, 3).
+        canvas: the image's.
+        people: (p, 4) x, y, heading and radius; rows that are not finite are left out.
+    """
+    around = np.linspace(0, 2 * np.pi, 25)[:-1]
+    for number, (x, y, heading, radius) in enumerate(np.asarray(people, np.float64).tolist()):
+        if not np.isfinite(x):
+            continue
+        coat = COATS[number % len(COATS)]
+        place = np.broadcast_to(np.array([x, y, heading]), (len(around), 3))
+        for ahead, long, wide, ink in (
+            (0.0, 1.0, 1.0, mix(coat, 0.75)), (0.0, 0.5, 0.95, coat), (0.12, 0.42, 0.42, mix(coat, -0.5)),
+        ):  # fmt: skip
+            ring = radius * np.stack([ahead + long * np.cos(around), wide * np.sin(around)], -1)
+            outline = canvas.pixels(geometry.to_world(place, ring))
+            cv2.fillPoly(image, [outline], ink, cv2.LINE_AA, shift=Canvas.SHIFT)
+
+
+def draw_moving(image: Image, canvas: Canvas, outlines: Array) -> None:
+    """Draw moving obstacles by their outlines (m, k, 2)."""
+    for outline in canvas.pixels(outlines):
+        cv2.fillPoly(image, [outline], DOOR, cv2.LINE_AA, shift=Canvas.SHIFT)
+        cv2.polylines(image, [outline], True, mix(DOOR, -0.35), 1, cv2.LINE_AA, Canvas.SHIFT)
 
 
 def draw_goal(image: Image, canvas: Canvas, goal: Array, color: Color) -> None:

@@ -100,6 +100,8 @@ class EpisodeRecord:
         ground: the world from above.
         poses: true poses, the start first.
         agents: in team order.
+        people: x, y, heading and radius of everyone who walked around; None for nobody.
+        moving: outlines of moving obstacles, metres; None for none.
     """
 
     about: dict[str, Any]
@@ -107,6 +109,8 @@ class EpisodeRecord:
     ground: FloorPlan
     poses: Float[Floats, "s n 3"]
     agents: tuple[AgentRecord, ...]
+    people: Float[Floats, "s p 4"] | None = None
+    moving: Float[Floats, "s m q 2"] | None = None
 
     @property
     def robots(self) -> tuple[RobotSpec, ...]:

@@ -32,6 +32,8 @@ GRAIN = 1024.0
 
 Arrays = dict[str, np.ndarray]
 
+_OPTIONAL = ("people", "moving")
+"""Arrays that are left out where nothing moved but robots."""
 _GROUND = ("boxes", "boxes_touched", "discs", "discs_touched", "lines")
 _AGENT = ("seen", "scans", "goals", "resting")
 _PLAN = ("goal", "mean", "std", "candidates", "scores", "paths", "times")
@@ -48,6 +50,7 @@ def save_record(file: Path, record: EpisodeRecord) -> Path:
         ConfigError: if the file cannot be written.
     """
     arrays: Arrays = {"poses": record.poses}
+    arrays |= {name: getattr(record, name) for name in _OPTIONAL if getattr(record, name) is not None}
     arrays |= {f"ground.{name}": getattr(record.ground, name) for name in _GROUND}
     arrays |= {f"ground.outline.{i}": outline for i, outline in enumerate(record.ground.outlines)}
     for i, agent in enumerate(record.agents):
@@ -134,7 +137,7 @@ def _build(header: Mapping[str, Any], arrays: Arrays) -> EpisodeRecord:
     agents = tuple(_agent(i, about, arrays) for i, about in enumerate(header["agents"]))
     record = EpisodeRecord(
         about=dict(header["about"]), period=float(header["period"]), ground=ground, poses=arrays["poses"],
-        agents=agents,
+        agents=agents, **{name: arrays.get(name) for name in _OPTIONAL},
     )  # fmt: skip
     _check(record)
     return record
@@ -154,6 +157,10 @@ def _check(record: EpisodeRecord) -> None:
     steps, count = len(record.poses), len(record.agents)
     if record.poses.shape != (steps, count, 3) or not steps or not count or record.period <= 0:
         raise ValueError(f"poses of shape {record.poses.shape} for {count} robots")
+    for name, rest in (("people", (4,)), ("moving", (2,))):
+        found = getattr(record, name)
+        if found is not None and (len(found) != steps or found.shape[-1:] != rest):
+            raise ValueError(f"{name} of shape {found.shape} in {steps} steps")
     for agent in record.agents:
         beams = agent.robot.lidar.beams
         shapes = [agent.seen.shape, agent.scans.shape, agent.goals.shape, agent.resting.shape]

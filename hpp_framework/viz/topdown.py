@@ -79,6 +79,8 @@ class TopDown:
         scans: Sequence[Array] | None = None,
         goals: Array | None = None,
         trails: Array | None = None,
+        people: Array | None = None,
+        moving: Array | None = None,
         clock: float | None = None,
         title: str | None = None,
     ) -> Image:
@@ -89,6 +91,8 @@ class TopDown:
             scans: own ranges (k,) of each robot, metres.
             goals: (n, 2) each agent's goal, world frame; NaN for none.
             trails: (t, n, 2 or 3) where everybody has been, oldest first.
+            people: (p, 4) x, y, heading and radius of people, NaN for none.
+            moving: (m, k, 2) outlines of moving obstacles.
             clock: simulated time in seconds.
             title: a line of text at the top.
 
@@ -97,12 +101,16 @@ class TopDown:
         """
         image = self.empty()
         poses = np.asarray(poses, np.float64)
+        if moving is not None:
+            marks.draw_moving(image, self.canvas, moving)
         if scans is not None:
             marks.draw_scans(image, self.canvas, poses, scans, self.robots, self.colors)
         if trails is not None:
             for path, color in zip(np.swapaxes(trails, 0, 1), self.colors, strict=True):
                 pale = marks.mix(color, 0.35)
                 marks.draw_path(image, self.canvas, path[:, :2], pale, self.canvas.stroke(0.07))
+        if people is not None:
+            marks.draw_people(image, self.canvas, people)
         for robot, pose, color in zip(self.robots, poses, self.colors, strict=True):
             marks.draw_robot(image, self.canvas, robot, pose, color)
         if goals is not None:

@@ -89,9 +89,8 @@ class FreeSpace:
         return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1), inside
 
 
-@lru_cache(maxsize=64)
 def free_space(world: World, *, body_height: float, resolution: float = RESOLUTION) -> FreeSpace:
-    """Rasterise a world for a body of the given height.
+    """Rasterise a world for a body of the given height; people and moving obstacles are left out.
 
     Equal worlds are rasterised once and share the result: do not write into it.
 
@@ -100,6 +99,11 @@ def free_space(world: World, *, body_height: float, resolution: float = RESOLUTI
         body_height: obstacles that begin above this are ignored, metres.
         resolution: metres a cell.
     """
+    return _free_space(world.at_rest(), body_height, resolution)
+
+
+@lru_cache(maxsize=64)
+def _free_space(world: World, body_height: float, resolution: float) -> FreeSpace:
     flat = planar_map(world, lidar_heights=(), body_height=body_height)
     segments, discs = flat.touched_below(body_height)
     x_min, y_min, x_max, y_max = world.bounds

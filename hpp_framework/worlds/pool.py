@@ -19,6 +19,7 @@ from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.occupancy import FreeSpace, free_space
 from hpp_framework.worlds.paths import PathFields, comfortable_paths
+from hpp_framework.worlds.people import populate
 
 POINTS = 256
 RESOLUTION = 0.1
@@ -146,6 +147,7 @@ def _pool(
     for index, factory in enumerate(factories):
         rng = numpy_rng(seed, "pool", name, index)
         world = factory(rng)
+        world = populate(world, robots, np.zeros((0, 2)), numpy_rng(seed, "people", name, index))
         space = free_space(world, body_height=height, resolution=RESOLUTION)
         points[index] = space.sample(space.largest_region(radius), POINTS, rng)
         worlds.append(world)

@@ -10,6 +10,8 @@ import warp as wp
 MODULES = (
     "hpp_framework.sim.batch.drive_kernels",
     "hpp_framework.sim.batch.lidar_kernels",
+    "hpp_framework.sim.batch.crowd_kernels",
+    "hpp_framework.sim.batch.among_kernels",
     "hpp_framework.prediction.one_step_kernels",
     "hpp_framework.perception.local_map_kernels",
     "hpp_skills.dwa.window_kernels",

@@ -16,7 +16,7 @@ from hpp_framework.core.planner import Decision, MetaPlanner, PlannerContext, ce
 from hpp_framework.core.predictor import Predictor
 from hpp_framework.core.types import Privileged, Trajectories
 from hpp_framework.episodes.core import EpisodeBatch
-from hpp_framework.evaluation.experiment import Experiment, run_experiment
+from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_drawn, run_experiment
 from hpp_framework.planning.oracles import perfect_model as perfect_model_module
 from hpp_framework.planning.oracles.oracle import PooledPredictor, full_communication, perfect_model
 from hpp_framework.planning.oracles.perfect_model import PerfectModel
@@ -27,6 +27,7 @@ from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import EpisodeRng, numpy_rng
 from hpp_framework.worlds.generators.training import training
+from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 
 EPISODES = 3
@@ -222,3 +223,16 @@ def test_an_experiment_says_where_success_was_lost(tmp_path):
     assert total == pytest.approx(1)
     assert all(row["plan_ms_median"] is None for row in summary["cells"][1:])
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
+
+
+@pytest.mark.slow
+def test_the_perfect_model_imagines_people_side_by_side_as_alone():
+    base = Experiment(worlds=("crowd:people=3",), planners=("perfect-model",), episodes=2, seed=3, people=1)
+    drawn = {0: draw_episode(base, "crowd", resolve_world("crowd:people=3"), 0)}
+    drawn[1] = draw_episode(replace(base, people=0), "simple", resolve_world("simple"), 1)
+    bounds = drawn[1][0].bounds
+    drawn[0] = (replace(drawn[0][0], bounds=bounds), drawn[0][1])
+    together = run_drawn(base, "perfect-model", "crowd:people=3", drawn)
+    alone = run_drawn(base, "perfect-model", "crowd:people=3", {0: drawn[0]})
+    steps = alone.poses.shape[1]
+    assert torch.equal(together.poses[0, :steps], alone.poses[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,10 +15,12 @@ from rich.console import Console
 from hpp_framework.agents.build import AgentConfig, build_agents
 from hpp_framework.cli.evaluate_tables import aggregate_table, summary_table
 from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_experiment
-from hpp_framework.evaluation.rows import to_rows
+from hpp_framework.evaluation.rows import EpisodeRow, to_rows
 from hpp_framework.evaluation.summary import Results, summarise
+from hpp_framework.evaluation.table import read_rows
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
+from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.seeding import EpisodeRng, child_seed
 from hpp_framework.worlds.loader import resolve_world
 
@@ -28,8 +31,8 @@ SMALL = Experiment(
 COLUMNS = {
     "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low",
     "success_high", "first_contact", "time_median_s", "bound_median_s", "time_over_bound_median", "rpl",
-    "price_median", "collision_episodes", "obstacle_episodes", "robot_episodes", "final_distance_mean_m",
-    "goal_gap_median_m", "agreed", "control", "estimator", "disturbances",
+    "price_median", "collision_episodes", "obstacle_episodes", "robot_episodes", "person_episodes", "people",
+    "final_distance_mean_m", "goal_gap_median_m", "agreed", "control", "estimator", "disturbances",
     "agreement_median_s", "side_flips_mean", "chase_mean", "plan_ms_median",
 }  # fmt: skip
 
@@ -136,6 +139,32 @@ def test_episodes_are_paired_across_planners():
     assert first != other
     assert not np.array_equal(start, elsewhere)
     assert np.linalg.norm(start[0, :2] - start[1, :2]) == pytest.approx(5.0)
+
+
+def test_people_belong_to_the_episode_and_old_tables_know_none(tmp_path):
+    factory = resolve_world("navigation")
+    with_people = replace(SMALL, people=3)
+    world, start = draw_episode(with_people, "navigation", factory, 1)
+    bare, same_start = draw_episode(SMALL, "navigation", factory, 1)
+    other, _ = draw_episode(with_people, "navigation", factory, 2)
+    again, _ = draw_episode(replace(with_people, backend="sapien"), "navigation", factory, 1)
+    assert len(world.people) == 3
+    assert world == again != other
+    assert world.at_rest() == bare
+    np.testing.assert_array_equal(start, same_start)
+    one = replace(with_people, worlds=("crowd:people=2",), planners=("centralized-mp",), episodes=2)
+    summary = run_experiment(one, tmp_path)
+    assert summary["cells"][0]["people"] == 3
+    file = tmp_path / "episodes.csv"
+    kept = file.read_text()
+    assert kept.splitlines()[0].endswith(",touched_person")
+    file.write_text("".join(line.rpartition(",")[0] + "\n" for line in kept.splitlines()))
+    assert [row.touched_person for row in read_rows(file, EpisodeRow)] == [0, 0]
+    file.write_text("".join(",".join(line.split(",")[:-2]) + "\n" for line in kept.splitlines()))
+    with pytest.raises(ConfigError, match="columns"):
+        read_rows(file, EpisodeRow)
+    with pytest.raises(ConfigError, match="people must be"):
+        replace(SMALL, people=-1)
 
 
 def test_one_agent_alone_and_three_together(play):

@@ -137,7 +137,7 @@ def test_films_show_the_camera_s_pictures(pair):
     def make(size):
         sizes.append(size)
 
-        def camera(poses, goals):
+        def camera(poses, goals, people, time):
             seen.append((poses, goals))
             return np.full((size[1], size[0], 3), 77, np.uint8)
 

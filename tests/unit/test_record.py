@@ -12,11 +12,13 @@ import torch
 
 from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.timing import CONTROL_PERIOD
+from hpp_framework.core.world import MovingObstacle, Person
 from hpp_framework.evaluation.recorder import Recorder
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.viz import record_file
+from hpp_framework.viz.film import frames
 from hpp_framework.viz.record_file import FILE, GRAIN, load_record, save_record
 
 STARTS = torch.tensor([[[-2.0, 0.0, 0.0], [2.0, 0.5, 3.0]], [[-0.4, 0.0, 0.0], [0.4, 0.0, 3.1]]])
@@ -75,6 +77,27 @@ def test_an_episode_of_a_batch_ends_where_it_ended(play, small_world):
     assert record.about["time_s"] == pytest.approx(last * CONTROL_PERIOD)
     assert record.agents[0].resting[-1]
     assert all(plan.step <= last for agent in record.agents for plan in agent.plans)
+
+
+def test_people_and_doors_are_kept_and_records_without_them_still_load(play, small_world, record, tmp_path):
+    door = MovingObstacle(size=(0.2, 1.0), path=((0, 0, 3), (2, 2, 3)))
+    walker = Person(start=(-1.0, -2.0), waypoints=((1.0, -2.0),), speed=1.2, radius=0.3)
+    busy, _ = recorded(play, replace(small_world, people=(walker,), moving=(door,)))
+    read = load_record(save_record(tmp_path / "busy.npz", busy))
+    steps = len(busy.poses)
+    assert read.people.shape == (steps, 1, 4)
+    assert read.people[0, 0].tolist() == pytest.approx([-1.0, -2.0, 0.0, 0.3], abs=1e-3)
+    assert read.people[-1, 0, 0] > -0.5
+    assert read.moving.shape == (steps, 1, 24, 2)
+    middle = read.moving[:, 0].mean(1)
+    np.testing.assert_allclose(middle[:, 0], np.minimum(np.arange(steps) * CONTROL_PERIOD, 2), atol=2e-3)
+    quiet = load_record(save_record(tmp_path / "quiet.npz", record))
+    assert quiet.people is None
+    assert quiet.moving is None
+    with np.load(tmp_path / "quiet.npz") as archive:
+        assert not {"people", "moving"} & set(archive.files)
+    pictures = [next(iter(frames(told))) for told in (read, replace(read, people=None, moving=None))]
+    assert (pictures[0] != pictures[1]).any()
 
 
 def test_planners_that_imagine_nothing_are_recorded_too(play, small_world):

@@ -59,7 +59,9 @@ def _world(kind: str, difficulty: float, seed: int) -> World:
 def test_the_training_room_never_changes(seed, furniture, digest, next_number):
     rng = _rng(seed)
     world = training(rng, furniture)
-    assert hashlib.sha256(repr(world).encode()).hexdigest()[:16] == digest
+    # recorded before worlds had people
+    told = repr(world).replace("people=(), moving=(), ", "")
+    assert hashlib.sha256(told.encode()).hexdigest()[:16] == digest
     assert rng.integers(2**32) == next_number
 
 

@@ -58,6 +58,8 @@ def test_every_documented_key_of_the_loader_is_in_the_complete_example():
         loader.BoxEntry,
         loader.CylinderEntry,
         loader.MeshEntry,
+        loader.PersonEntry,
+        loader.MovingEntry,
         loader.SpawnEntry,
     ):
         assert all(f"{field.alias or key}:" in complete for key, field in entry.model_fields.items())
@@ -80,6 +82,44 @@ MISTAKES = {
     ),
     "unknown spawn key": (BOUNDS + "spawn: {distence: 3}", "spawn.distence", "Did you mean 'distance'"),
     "number as key": (BOUNDS + "3: 4", "line 2, column 1: the key '3'", "put it in quotes"),
+    "velocity of a cylinder": (
+        BOUNDS + "cylinders: [{center: [0, 0], radius: 1, velocity: [1, 0]}]",
+        "'cylinders[0].velocity' is not a key of an obstacle that stands",
+        "under 'moving'",
+    ),
+    "speed of a box": (
+        BOUNDS + "boxes: [{center: [0, 0], size: [1, 1], speed: 1}]",
+        "'boxes[0].speed'",
+        "under 'people'",
+    ),
+    "fewer than no people": (BOUNDS + "people: -1", "'people' must be from 0 to 1000", "a number of people"),
+    "people as text": (BOUNDS + "people: many", "'people' must be a list", "Begin each entry"),
+    "person out of bounds": (BOUNDS + "people: [{start: [9, 0]}]", "'people[0].start'", "widen 'bounds'"),
+    "person with both": (
+        BOUNDS + "people: [{waypoints: [[1, 1]], goal: [2, 2]}]",
+        "'people[0]'",
+        "remove one of the two",
+    ),
+    "unknown key of a person": (
+        BOUNDS + "people: [{velocity: 1}]",
+        "'people[0].velocity'",
+        "Known here: start",
+    ),
+    "moving without a path": (
+        BOUNDS + "moving: [{radius: 1}]",
+        "'moving[0].path' is missing",
+        "required here",
+    ),
+    "moving box and cylinder": (
+        BOUNDS + "moving: [{radius: 1, size: [1, 1], path: [[0, 0, 0]]}]",
+        "'moving[0]'",
+        "not both",
+    ),
+    "times that go back": (
+        BOUNDS + "moving: [{radius: 1, path: [[1, 0, 0], [0, 1, 0]]}]",
+        "'moving[0]'",
+        "increasing times",
+    ),
     "number as text as key": (BOUNDS + "'3': 4", "'3' is not a known key", "Known here"),
     "no bounds": ("name: x", "bounds", "is missing"),
     "bounds of three": ("bounds: [0, 0, 5]", "bounds", "[x_min, y_min, x_max, y_max]"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -13,7 +12,7 @@ from hpp_framework.core.disturbances import IDEAL
 from hpp_framework.core.planner import PlannerContext
 from hpp_framework.core.predictor import ImaginePlaces, Predictor
 from hpp_framework.core.timing import CONTROL_PERIOD
-from hpp_framework.core.types import Observation, Privileged, State, Trajectories
+from hpp_framework.core.types import Observation, Privileged, Trajectories
 from hpp_framework.core.world import World
 from hpp_framework.perception.sensing import Sensing
 from hpp_framework.plugins.build import make_skills
@@ -114,7 +113,7 @@ class _Crowd:
     ) -> None:
         self.owner, self.goals = owner, goals
         self.worlds = [privileged.worlds[index] for index in episode.tolist()]
-        self.state = _rows(privileged.state, episode)
+        self.state = privileged.state.episodes(episode)
         self.sensing = Sensing(owner.robots, IDEAL)
         self.sensing.resume([seen.episodes(episode) for seen in privileged.observations], self.state)
         self.waypoints = goals
@@ -152,7 +151,7 @@ class _Crowd:
         self.goals, self.waypoints = self.goals[chosen], self.waypoints[chosen]
         self.worlds = [world for world, kept in zip(self.worlds, chosen.tolist(), strict=True) if kept]
         self.sensing.keep(chosen)
-        self.state = _rows(self.state, chosen)
+        self.state = self.state.episodes(chosen)
         self._place()
 
     def _place(self) -> None:
@@ -161,11 +160,9 @@ class _Crowd:
         simulator = self.owner.simulator
         simulator.load(pool, episodes=len(self.worlds))
         everyone = torch.ones(self.state.poses.shape[:2], dtype=torch.bool)
-        self.state = simulator.place(index, everyone, self.state.poses, self.state.velocities)
-
-
-def _rows(state: State, chosen: Tensor) -> State:
-    return State(*(getattr(state, each.name)[chosen] for each in fields(state)))
+        self.state = simulator.place(
+            index, everyone, self.state.poses, self.state.velocities, self.state.people
+        )
 
 
 def _pool(worlds: Sequence[World]) -> tuple[list[World], Int[Tensor, "r"]]:

@@ -150,7 +150,14 @@ def _film(rank: str, record: EpisodeRecord, title: str) -> Picture:
     view = close_view(record.ground, record.poses, AROUND)
     top = TopDown(record.ground, record.robots, size=(FILM_SIDE, FILM_SIDE), view=view)
     frames = [
-        top.frame(poses, goals=goals, trails=record.poses[: step + 1], clock=step * record.period)
+        top.frame(
+            poses,
+            goals=goals,
+            trails=record.poses[: step + 1],
+            clock=step * record.period,
+            people=None if record.people is None else record.people[step],
+            moving=None if record.moving is None else record.moving[step],
+        )
         for step, (poses, goals) in enumerate(zip(record.poses, record.goals(), strict=True))
     ]
     with tempfile.TemporaryDirectory() as place:

@@ -168,6 +168,74 @@ def push_apart(
     return moved
 
 
+@wp.func
+def begin_substep(
+    episode: int,
+    part: int,
+    dt: float,
+    commands: wp.array4d(dtype=float),
+    robots: wp.array(dtype=Robot),
+    poses: wp.array3d(dtype=float),
+    velocities: wp.array3d(dtype=float),
+    touched: wp.array2d(dtype=wp.bool),
+    before: wp.array2d(dtype=wp.vec2),
+    gap: wp.array2d(dtype=float),
+):
+    """Drive all robots for one substep as if nothing was in their way."""
+    for i in range(robots.shape[0]):
+        touched[episode, i] = False
+        before[episode, i] = wp.vec2(poses[episode, i, 0], poses[episode, i, 1])
+        advance(episode, i, part, dt, robots[i], commands, poses, velocities, gap)
+
+
+@wp.func
+def push_out_of_obstacles(
+    episode: int,
+    world: int,
+    robots: wp.array(dtype=Robot),
+    geometry: Geometry,
+    poses: wp.array3d(dtype=float),
+    touched: wp.array2d(dtype=wp.bool),
+    touched_obstacle: wp.array2d(dtype=wp.bool),
+    gap: wp.array2d(dtype=float),
+) -> int:
+    """Move robots out of obstacles, and return whether there were any."""
+    moved = int(0)
+    for i in range(robots.shape[0]):
+        if gap[episode, i] < CLOSE:
+            at = wp.vec2(poses[episode, i, 0], poses[episode, i, 1])
+            grid = geometry.grids[robots[i].touched_layer * geometry.worlds + world]
+            free = pushed_out(at, robots[i].radius, grid, geometry)
+            if wp.length(wp.vec2(free[0], free[1]) - at) > TOUCH:
+                touched[episode, i] = True
+                touched_obstacle[episode, i] = True
+                moved = 1
+            poses[episode, i, 0] = free[0]
+            poses[episode, i, 1] = free[1]
+            gap[episode, i] = free[2]
+    return moved
+
+
+@wp.func
+def end_substep(
+    episode: int,
+    dt: float,
+    robots: wp.array(dtype=Robot),
+    poses: wp.array3d(dtype=float),
+    velocities: wp.array3d(dtype=float),
+    touched: wp.array2d(dtype=wp.bool),
+    before: wp.array2d(dtype=wp.vec2),
+):
+    """Leave robots that touched something the speed that contact left them."""
+    for i in range(robots.shape[0]):
+        if touched[episode, i]:
+            theta = poses[episode, i, 2]
+            travelled = wp.vec2(poses[episode, i, 0], poses[episode, i, 1]) - before[episode, i]
+            along = wp.dot(travelled, wp.vec2(wp.cos(theta), wp.sin(theta))) / dt
+            v = velocities[episode, i, 0]
+            velocities[episode, i, 0] = wp.clamp(along, wp.min(v, 0.0), wp.max(v, 0.0))
+
+
 @wp.kernel
 def drive(
     start: int,
@@ -215,30 +283,11 @@ def drive(
         touched_obstacle[episode, i] = False
         touched_robot[episode, i] = False
     for part in range(substeps):
-        for i in range(count):
-            touched[episode, i] = False
-            before[episode, i] = wp.vec2(poses[episode, i, 0], poses[episode, i, 1])
-            advance(episode, i, part, dt, robots[i], commands, poses, velocities, gap)
+        begin_substep(episode, part, dt, commands, robots, poses, velocities, touched, before, gap)
         for _relaxation in range(RELAXATIONS):
             moved = push_apart(episode, robots, poses, touched, touched_robot, gap)
-            for i in range(count):
-                if gap[episode, i] < CLOSE:
-                    at = wp.vec2(poses[episode, i, 0], poses[episode, i, 1])
-                    grid = geometry.grids[robots[i].touched_layer * geometry.worlds + world]
-                    free = pushed_out(at, robots[i].radius, grid, geometry)
-                    if wp.length(wp.vec2(free[0], free[1]) - at) > TOUCH:
-                        touched[episode, i] = True
-                        touched_obstacle[episode, i] = True
-                        moved = 1
-                    poses[episode, i, 0] = free[0]
-                    poses[episode, i, 1] = free[1]
-                    gap[episode, i] = free[2]
+            if push_out_of_obstacles(episode, world, robots, geometry, poses, touched, touched_obstacle, gap):
+                moved = 1
             if moved == 0:
                 break
-        for i in range(count):
-            if touched[episode, i]:
-                theta = poses[episode, i, 2]
-                travelled = wp.vec2(poses[episode, i, 0], poses[episode, i, 1]) - before[episode, i]
-                along = wp.dot(travelled, wp.vec2(wp.cos(theta), wp.sin(theta))) / dt
-                v = velocities[episode, i, 0]
-                velocities[episode, i, 0] = wp.clamp(along, wp.min(v, 0.0), wp.max(v, 0.0))
+        end_substep(episode, dt, robots, poses, velocities, touched, before)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,10 +15,11 @@ from torch import Tensor
 
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
-from hpp_framework.core.types import State
+from hpp_framework.core.types import People, State
 from hpp_framework.core.world import World
-from hpp_framework.sim.batch import drive_kernels, lidar_kernels
+from hpp_framework.sim.batch import among_kernels, drive_kernels, lidar_kernels
 from hpp_framework.sim.batch import kernels as batch_kernels
+from hpp_framework.sim.batch.crowd import Crowd, anything_moves, settled
 from hpp_framework.sim.batch.grid import build_geometry
 from hpp_framework.sim.simulator import SUBSTEPS, Simulator
 from hpp_framework.utils.errors import SimulatorError
@@ -27,7 +29,7 @@ from hpp_framework.worlds.slicing import planar_map
 
 
 class BatchSimulator(Simulator):
-    """Disc robots among boxes, lines and discs.
+    """Disc robots among boxes, lines and discs, and among people who walk.
 
     The physics are those of :mod:`hpp_framework.sim.batch.drive_kernels`.
 
@@ -57,6 +59,7 @@ class BatchSimulator(Simulator):
         )
         self._rays = _rays(robots, self.beams, self._warp_device)
         self._geometry: Any = None
+        self._crowd: Crowd | None = None
 
     def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
         """Start one episode a world; equal worlds share their geometry."""
@@ -77,9 +80,13 @@ class BatchSimulator(Simulator):
             pool: worlds that :meth:`place` refers to by index.
             episodes: how many run side by side.
         """
+        pool = [settled(world) for world in pool]
+        # people differ from episode to episode where rooms do not
+        rooms = {world: index for index, world in enumerate(dict.fromkeys(w.at_rest() for w in pool))}
+        self._room_of = torch.tensor([rooms[world.at_rest()] for world in pool], dtype=torch.int32)
         tallest = max(self._touched_below)
         self._geometry = build_geometry(
-            [planar_map(world, lidar_heights=self._seen_from, body_height=tallest) for world in pool],
+            [planar_map(room, lidar_heights=self._seen_from, body_height=tallest) for room in rooms],
             self._seen_from,
             self._touched_below,
             self._warp_device,
@@ -98,6 +105,13 @@ class BatchSimulator(Simulator):
             touched_obstacle=zeros(dtype=torch.bool),
             touched_robot=zeros(dtype=torch.bool),
         )
+        self._crowd = None
+        if anything_moves(pool):
+            self._crowd = Crowd(
+                pool, tuple(rooms), self._room_of.tolist(), episodes=episodes, device=self.device,
+            )  # fmt: skip
+            touched_person = zeros(dtype=torch.bool)
+            self._state = replace(self._state, touched_person=touched_person, people=self._crowd.people)
         self._world_index = torch.zeros(episodes, dtype=torch.int32, device=self.device)
         self._commands = zeros(SUBSTEPS, 2)
         self._gap = zeros()
@@ -109,17 +123,23 @@ class BatchSimulator(Simulator):
         robots: Bool[Tensor, "b n"],
         poses: Float[Tensor, "b n 3"],
         velocities: Float[Tensor, "b n 2"] | None = None,
+        people: People | None = None,
     ) -> State:
         """Put the chosen robots at new poses, episodes into worlds of the pool, and cast all lidars.
+
+        An episode of which all robots are chosen begins anew: its people are at their starts, its time is 0.
 
         Args:
             world_index: world of each episode, as an index into the pool.
             robots: which robots to move.
             poses: where to; rows that are not chosen are ignored.
             velocities: they have there, forward in m/s and turning in rad/s; None for rest.
+            people: of episodes that begin anew, if not at their starts.
         """
-        self._world_index.copy_(world_index)
+        self._world_index.copy_(self._room_of[world_index.long().cpu()])
         chosen = robots.to(self.device)
+        if self._crowd is not None:
+            self._crowd.place(world_index, chosen.all(1), people)
         self._state.poses.copy_(
             torch.where(chosen[..., None], poses.to(self._state.poses), self._state.poses)
         )
@@ -128,6 +148,8 @@ class BatchSimulator(Simulator):
         now.copy_(torch.where(chosen[..., None], wanted, now))
         self._state.touched_obstacle.masked_fill_(chosen, value=False)
         self._state.touched_robot.masked_fill_(chosen, value=False)
+        if self._state.touched_person is not None:
+            self._state.touched_person.masked_fill_(chosen, value=False)
         # what is near has to be looked for again
         self._gap.zero_()
         self._crew.run(self._cast)
@@ -159,6 +181,8 @@ class BatchSimulator(Simulator):
             scans=now.scans.contiguous() if not now.scans.is_contiguous() else now.scans.clone(),
             touched_obstacle=now.touched_obstacle.clone(),
             touched_robot=now.touched_robot.clone(),
+            touched_person=None if now.touched_person is None else now.touched_person.clone(),
+            people=None if self._crowd is None else self._crowd.state(),
         )
 
     def close(self) -> None:
@@ -179,13 +203,31 @@ class BatchSimulator(Simulator):
             wrap(self._state.touched_robot), touched, before, wrap(self._gap),
         ]  # fmt: skip
         cast_inputs = [poses, self._robots, self._rays, self._geometry, index, blocks]
+        drive_kernel, among_inputs = drive_kernels.drive, list[Any]()
+        if self._crowd is not None and self._state.touched_person is not None:
+            drive_kernel = among_kernels.drive_among
+            moves = [self._crowd.crowds, self._crowd.walk]
+            drive_inputs += [wrap(self._state.touched_person), *moves]
+            ranges = wrap(self._blocks.flatten(2).flatten(0, 1))
+            among_inputs = [poses, self._robots, self._beams(), CONTROL_PERIOD / SUBSTEPS, *moves, ranges]
         self._cast: list[Job] = []
         self._drive_and_cast: list[Job] = []
         for start, stop in self._crew.slices(episodes):
-            drive = self._prepare(drive_kernels.drive, stop - start, [start, *drive_inputs])
-            cast = self._prepare(lidar_kernels.cast, (stop - start) * robots, [start * robots, *cast_inputs])
+            rows = (start * robots, (stop - start) * robots)
+            drive = self._prepare(drive_kernel, stop - start, [start, *drive_inputs])
+            cast = self._prepare(lidar_kernels.cast, rows[1], [rows[0], *cast_inputs])
+            if among_inputs:
+                among = self._prepare(among_kernels.cast_among, rows[1], [rows[0], *among_inputs])
+                cast = partial(_in_turn, cast, among)
             self._cast.append(cast)
             self._drive_and_cast.append(partial(_in_turn, drive, cast))
+
+    def _beams(self) -> Any:
+        beams = among_kernels.Beams()
+        x, y = (rays.numpy().reshape(len(self.robots), -1) for rays in (self._rays.x, self._rays.y))
+        beams.x = wp.array(x, dtype=float, device=self._warp_device)
+        beams.y = wp.array(y, dtype=float, device=self._warp_device)
+        return beams
 
     def _prepare(self, kernel: Any, size: int, inputs: list[Any]) -> Job:
         launch: Any = wp.launch(kernel, dim=size, inputs=inputs, device=self._warp_device, record_cmd=True)

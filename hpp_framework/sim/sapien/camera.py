@@ -24,7 +24,7 @@ from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.world import World
 from hpp_framework.sim.sapien.render import rendering_problem
 from hpp_framework.sim.sapien.scene import sapien
-from hpp_framework.sim.sapien.visuals import RobotVisual, add_world
+from hpp_framework.sim.sapien.visuals import MovingVisual, PersonVisual, RobotVisual, add_world
 from hpp_framework.utils.errors import ConfigError, SimulatorError
 
 SHADERS = Path(__file__).parent / "shaders" / "lambert"
@@ -52,6 +52,9 @@ FARTHER = 1.04
 
 OVERSAMPLING = 2
 """Pixels drawn per picture pixel, each way; smooths edges."""
+
+AWAY = (1e4, 1e4)
+"""Where people are of whom nothing is known, out of sight."""
 
 SUN_ASIDE = math.radians(55.0)
 """Angle between the camera's and the sunlight's direction, seen from above."""
@@ -163,7 +166,10 @@ class SceneCamera:
         sun = _sun(view)
         self._scene.add_directional_light(sun, _SUNLIGHT)
         add_world(self._scene, world, sun)
+        self._world = world
         self._robots = [RobotVisual(self._scene, robot, sun) for robot in robots]
+        self._people = [PersonVisual(self._scene, each, i, sun) for i, each in enumerate(world.people)]
+        self._moving = [MovingVisual(self._scene, each) for each in world.moving]
         down = np.linspace(0, 1, size[1], dtype=np.float32)[:, None, None]
         self._sky = _SKY[0] * (1 - down) + _SKY[1] * down
         width, height = (side * OVERSAMPLING for side in size)
@@ -176,8 +182,26 @@ class SceneCamera:
         entity.set_pose(_looking(view))
         self._scene.add_entity(entity)
 
-    def picture(self, poses: Tensor | npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
-        """Return a picture (height, width, 3), red green blue, of the team at poses (n, 3)."""
+    def picture(
+        self,
+        poses: Tensor | npt.NDArray[np.floating],
+        *,
+        people: Tensor | npt.NDArray[np.floating] | None = None,
+        time: float = 0.0,
+    ) -> npt.NDArray[np.uint8]:
+        """Return a picture (height, width, 3), red green blue.
+
+        Args:
+            poses: (n, 3) of the team.
+            people: (p, 3) poses of the world's people, NaN rows for none; None for their starts.
+            time: in seconds, which says where moving obstacles are.
+        """
+        for obstacle in self._moving:
+            obstacle.place(time)
+        places = [[*(each.start or AWAY), 0.0] for each in self._world.people]
+        places = places if people is None else np.asarray(people).tolist()
+        for person, (x, y, theta) in zip(self._people, places, strict=False):
+            person.place(*((x, y, theta) if math.isfinite(x) else (*AWAY, 0.0)))
         for robot, (x, y, theta) in zip(self._robots, np.asarray(poses).tolist(), strict=True):
             robot.place(x, y, theta)
         self._scene.update_render()

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import trimesh
 
 from hpp_framework.core.robot import RobotSpec
-from hpp_framework.core.world import Box, Cylinder, Mesh, World
+from hpp_framework.core.world import Box, Cylinder, Mesh, MovingObstacle, Person, World
 from hpp_framework.utils.errors import ConfigError, SimulatorError
 from hpp_framework.worlds.slicing import load_mesh, standing_faces
 
@@ -72,22 +72,27 @@ class PhysicsScene:
             self._add_static(_cylinder_shapes(cylinder, self._material), _cylinder_pose(cylinder))
         for mesh in world.meshes:
             self._add_static(_mesh_shapes(mesh, self._material), sapien.Pose())
+        self.people = [self._add_kinematic(person_shape(each, self._material)) for each in world.people]
+        self.moving = [self._add_kinematic(moving_shape(each, self._material)) for each in world.moving]
         planes = [robot.lidar.height for robot in robots]
         self.bodies: list[Any] = [self._add_robot(robot, planes) for robot in robots]
         self._index = {body.entity.per_scene_id: index for index, body in enumerate(self.bodies)}
+        self._persons = {body.entity.per_scene_id for body in self.people}
 
-    def touching(self) -> list[tuple[bool, bool]]:
-        """Return whether each robot touched an obstacle, and whether another robot, in the last tick."""
-        obstacle, robot = ([False] * len(self.bodies) for _ in range(2))
+    def touching(self) -> list[tuple[bool, bool, bool]]:
+        """Return whether each robot touched an obstacle, another robot, a person, in the last tick."""
+        obstacle, robot, person = ([False] * len(self.bodies) for _ in range(3))
         for contact in self.scene.get_contacts():
             # pairs are listed from 2 cm apart; all numbers are read now, contacts do not survive a tick
             if any(point.separation <= 0 or np.any(point.impulse) for point in contact.points):
-                pair = [self._index.get(body.entity.per_scene_id) for body in contact.bodies]
+                ids = [body.entity.per_scene_id for body in contact.bodies]
+                pair = [self._index.get(each) for each in ids]
                 touched = obstacle if None in pair else robot
+                touched = person if not self._persons.isdisjoint(ids) else touched
                 for index in pair:
                     if index is not None:
                         touched[index] = True
-        return list(zip(obstacle, robot, strict=True))
+        return list(zip(obstacle, robot, person, strict=True))
 
     def distances(
         self,
@@ -116,6 +121,13 @@ class PhysicsScene:
             component.attach(shape)
         self._add_entity(component, pose)
 
+    def _add_kinematic(self, shape: Any) -> Any:
+        body = physx.PhysxRigidDynamicComponent()
+        body.attach(shape)
+        body.set_kinematic(True)
+        self._add_entity(body, sapien.Pose())
+        return body
+
     def _add_robot(self, robot: RobotSpec, planes: Sequence[float]) -> Any:
         body = physx.PhysxRigidDynamicComponent()
         for low, high, radius in contact_discs(robot, planes):
@@ -141,6 +153,27 @@ class PhysicsScene:
         entity.add_component(component)
         entity.set_pose(pose)
         self.scene.add_entity(entity)
+
+
+def person_shape(person: Person, material: Any) -> Any:
+    """Return the upright cylinder that stands for a person; its pose is that of the feet."""
+    shape = physx.PhysxCollisionShapeCylinder(person.radius * ROUNDNESS, person.height / 2, material)
+    shape.set_local_pose(sapien.Pose([0, 0, person.height / 2], UPRIGHT))
+    return shape
+
+
+def moving_shape(obstacle: MovingObstacle, material: Any) -> Any:
+    """Return a moving obstacle about the point on the floor below its centre."""
+    middle = obstacle.base + obstacle.height / 2
+    if obstacle.size is not None:
+        half = [obstacle.size[0] / 2, obstacle.size[1] / 2, obstacle.height / 2]
+        shape = physx.PhysxCollisionShapeBox(half, material)
+        shape.set_local_pose(pose_of(0.0, 0.0, obstacle.yaw, middle))
+        return shape
+    radius = (obstacle.radius or 0.0) * ROUNDNESS
+    shape = physx.PhysxCollisionShapeCylinder(radius, obstacle.height / 2, material)
+    shape.set_local_pose(sapien.Pose([0, 0, middle], UPRIGHT))
+    return shape
 
 
 def contact_discs(robot: RobotSpec, planes: Sequence[float]) -> list[tuple[float, float, float]]:

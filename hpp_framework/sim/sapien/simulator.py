@@ -17,8 +17,9 @@ from torch import Tensor
 
 from hpp_framework.core.robot import DriveLimits, RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
-from hpp_framework.core.types import State
+from hpp_framework.core.types import People, State
 from hpp_framework.core.world import World
+from hpp_framework.sim.batch.crowd import Walkers, anything_moves, settled
 from hpp_framework.sim.sapien.camera import SceneCamera, team_view
 from hpp_framework.sim.sapien.render import rendering_problem
 from hpp_framework.sim.sapien.scene import ROUNDNESS, PhysicsScene, pose_of
@@ -30,6 +31,9 @@ TICK = 0.01
 """Seconds of a physics tick."""
 
 TICKS = round(SUBSTEP / TICK)
+
+DRIVING = 0.05
+"""m/s from which a robot that touches a person counts."""
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -59,7 +63,7 @@ class SapienSimulator(Simulator):
     def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
         """Build a scene a world and put the robots at rest at the given poses."""
         self.check_poses(worlds, poses)
-        self._episodes = [_Episode(world, self.robots) for world in worlds]
+        self._episodes = [_Episode(settled(world), self.robots) for world in worlds]
         for episode, start in zip(self._episodes, poses.tolist(), strict=True):
             episode.place(start)
         self._starts = poses.detach().clone()
@@ -85,7 +89,14 @@ class SapienSimulator(Simulator):
             scans=torch.from_numpy(scans),
             touched_obstacle=torch.tensor([episode.touched_obstacle for episode in self._episodes]),
             touched_robot=torch.tensor([episode.touched_robot for episode in self._episodes]),
+            **self._moving_state(),
         )
+
+    def _moving_state(self) -> dict[str, Any]:
+        if not any(episode.walkers for episode in self._episodes):
+            return {}
+        touched = torch.tensor([episode.touched_person for episode in self._episodes])
+        return {"touched_person": touched, "people": _side_by_side([e.people() for e in self._episodes])}
 
     def picture(self, episode: int = 0) -> npt.NDArray[np.uint8]:
         """Return a picture (height, width, 3), red green blue, of one episode, in the view of its start.
@@ -101,7 +112,12 @@ class SapienSimulator(Simulator):
         if episode not in self._cameras:
             view = team_view(current.world, self._starts[episode], size=self._render)
             self._cameras[episode] = SceneCamera(current.world, self.robots, view, size=self._render)
-        return self._cameras[episode].picture(np.array(current.poses()))
+        people = current.people()
+        return self._cameras[episode].picture(
+            np.array(current.poses()),
+            people=None if people is None else people.poses[0].numpy(),
+            time=current.seconds(),
+        )
 
     def close(self) -> None:
         """Drop all scenes."""
@@ -124,7 +140,17 @@ class _Episode:
         self.robots = robots
         self.physics = PhysicsScene(world, robots, TICK)
         self.velocities = [[0.0, 0.0] for _ in robots]
+        self.walkers = Walkers(world, robots) if anything_moves([world]) else None
+        self._put(self._moved(), at_once=True)
         self._forget_touches()
+
+    def people(self) -> People | None:
+        """Return the people of this episode, None if nothing moves but robots."""
+        return None if self.walkers is None else self.walkers.people
+
+    def seconds(self) -> float:
+        """Return the time since the beginning."""
+        return 0.0 if self.walkers is None else self.walkers.seconds()
 
     def place(self, poses: Sequence[Sequence[float]]) -> None:
         for body, (x, y, theta) in zip(self.physics.bodies, poses, strict=True):
@@ -135,14 +161,39 @@ class _Episode:
 
     def drive(self, parts: Sequence[Sequence[Sequence[float]]]) -> None:
         self._forget_touches()
-        for commands in parts:
-            self._substep(commands)
+        for substep, commands in enumerate(parts):
+            start = self._moved()
+            if self.walkers is not None:
+                poses, velocities = (np.array(each, np.float32) for each in (self.poses(), self.velocities))
+                self.walkers.walk(poses, velocities, is_first=substep == 0)
+            self._substep(commands, start, self._moved())
+
+    def _moved(self) -> FloatArray:
+        """Return where (m, 3) people and then moving obstacles are."""
+        if self.walkers is None:
+            return np.zeros((0, 3), np.float32)
+        now = self.walkers.seconds()
+        obstacles = [[*each.at(now), 0.0] for each in self.world.moving]
+        people = self.walkers.people.poses[0].numpy()
+        return np.concatenate([people, np.array(obstacles, np.float32).reshape(-1, 3)])
+
+    def _put(self, places: FloatArray, *, at_once: bool = False) -> None:
+        """Move people and moving obstacles to places, during the next tick or at once."""
+        for body, (x, y, theta) in zip(
+            [*self.physics.people, *self.physics.moving], places.tolist(), strict=True
+        ):
+            pose = pose_of(x, y, theta)
+            if at_once:
+                body.entity.set_pose(pose)
+            else:
+                body.set_kinematic_target(pose)
 
     def _forget_touches(self) -> None:
         self.touched_obstacle = [False for _ in self.robots]
         self.touched_robot = [False for _ in self.robots]
+        self.touched_person = [False for _ in self.robots]
 
-    def _substep(self, commands: Sequence[Sequence[float]]) -> None:
+    def _substep(self, commands: Sequence[Sequence[float]], start: FloatArray, end: FloatArray) -> None:
         before = self.poses()
         old = self.velocities
         limits = [robot.drive for robot in self.robots]
@@ -150,16 +201,39 @@ class _Episode:
         touched = [False for _ in self.robots]
         for tick in range(TICKS):
             share = (tick + 0.5) / TICKS
-            for body, start, end in zip(self.physics.bodies, old, self.velocities, strict=True):
-                _push(body, [_mix(a, b, share) for a, b in zip(start, end, strict=True)])
+            for body, first, last in zip(self.physics.bodies, old, self.velocities, strict=True):
+                _push(body, [_mix(a, b, share) for a, b in zip(first, last, strict=True)])
+            self._put((start + (end - start) * ((tick + 1) / TICKS)).astype(np.float32))
             self.physics.scene.step()
-            for index, (obstacle, robot) in enumerate(self.physics.touching()):
+            for index, (obstacle, robot, person) in enumerate(self.physics.touching()):
                 self.touched_obstacle[index] |= obstacle
                 self.touched_robot[index] |= robot
-                touched[index] |= obstacle or robot
-        for index, (start, end) in enumerate(zip(before, self.poses(), strict=True)):
+                # robots that stand are walked into
+                self.touched_person[index] |= person and abs(self.velocities[index][0]) > DRIVING
+                touched[index] |= obstacle or robot or person
+        for index, (place, reached) in enumerate(zip(before, self.poses(), strict=True)):
             if touched[index]:
-                _slow_down(self.velocities[index], start, end)
+                _slow_down(self.velocities[index], place, reached)
+
+
+def _side_by_side(people: Sequence[People | None]) -> People:
+    """Return the people of several episodes as one, padded with NaN."""
+    known = [each for each in people if each is not None]
+    most = max(each.poses.shape[1] for each in known)
+    nobody = known[0].episodes(slice(0)).poses
+
+    def joined(name: str) -> Tensor:
+        rows: list[Tensor] = []
+        for each in people:
+            width = getattr(known[0], name).shape[-1]
+            row = nobody.new_full((1, most, width), torch.nan)
+            if each is not None:
+                row[:, : each.poses.shape[1]] = getattr(each, name)
+            rows.append(row)
+        return torch.cat(rows)
+
+    times = [torch.zeros(1, dtype=torch.int64) if each is None else each.time for each in people]
+    return People(joined("poses"), joined("velocities"), joined("progress"), torch.cat(times))
 
 
 def _accelerate(drive: DriveLimits, velocity: Sequence[float], command: Sequence[float]) -> list[float]:

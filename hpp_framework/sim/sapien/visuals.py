@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
 from hpp_framework.core.robot import Part, RobotSpec
-from hpp_framework.core.world import Box, Cylinder, World
+from hpp_framework.core.world import Box, Cylinder, MovingObstacle, Person, World
 from hpp_framework.sim.sapien.scene import UPRIGHT, pose_of, sapien
 from hpp_framework.worlds.slicing import load_mesh, standing_faces
 
@@ -30,6 +30,20 @@ OBSTACLES: tuple[Color, ...] = (
 """Linear colours that obstacles take in turn; away from the orange and blue that tell the robots apart."""
 
 MESH: Color = (0.55, 0.50, 0.42)
+DOOR: Color = (0.50, 0.30, 0.16)
+
+COATS: tuple[Color, ...] = (
+    (0.62, 0.16, 0.22),
+    (0.16, 0.42, 0.30),
+    (0.48, 0.30, 0.56),
+    (0.70, 0.58, 0.22),
+    (0.18, 0.34, 0.44),
+    (0.66, 0.40, 0.48),
+)
+"""Of people, in turn."""
+SKINS: tuple[Color, ...] = ((0.78, 0.56, 0.42), (0.52, 0.33, 0.22), (0.86, 0.66, 0.52), (0.34, 0.21, 0.14))
+TROUSERS: Color = (0.10, 0.12, 0.17)
+HAIR: Color = (0.10, 0.07, 0.05)
 
 Direction = tuple[float, float, float]
 
@@ -98,6 +112,82 @@ class RobotVisual:
             ahead, left, _ = part.position
             cos, sin = math.cos(theta), math.sin(theta)
             shadow.set_pose(pose_of(x + cos * ahead - sin * left, y + sin * ahead + cos * left, 0.0))
+
+
+class PersonVisual:
+    """A person: legs, a coat, a head, and their shadow, in a scene that has a render system.
+
+    Args:
+        scene: the scene.
+        person: whose body.
+        number: of the person, which chooses the colours.
+        sun: direction in which light falls.
+    """
+
+    def __init__(self, scene: Any, person: Person, number: int, sun: Direction) -> None:
+        self._body = _add(scene, [_part(part) for part in _figure(person, number)])
+        outline = _ring(person.radius * 0.8)
+        self._shadow = _add(scene, _shadow(outline, 0.0, person.height, sun))
+
+    def place(self, x: float, y: float, theta: float) -> None:
+        """Move the person."""
+        self._body.set_pose(pose_of(x, y, theta))
+        self._shadow.set_pose(pose_of(x, y, 0.0))
+
+
+def _figure(person: Person, number: int) -> list[Part]:
+    """Return the parts of a person: two legs, a body, a head with a cap that shows where it looks."""
+    height, radius = person.height, person.radius
+    coat, hips, head = COATS[number % len(COATS)], 0.47 * height, 0.075 * height
+    shoulders = height - 2 * head
+    legs = [
+        Part(
+            shape="cylinder", size=(0.36 * radius, hips, 0.0), position=(0.0, side * 0.42 * radius, hips / 2),
+            color=TROUSERS,
+        )
+        for side in (-1, 1)
+    ]  # fmt: skip
+    return [
+        *legs,
+        Part(
+            shape="cylinder", size=(0.82 * radius, shoulders - hips, 0.0),
+            position=(0.0, 0.0, (shoulders + hips) / 2), color=coat,
+        ),
+        Part(
+            shape="sphere", size=(head, 0.0, 0.0), position=(0.0, 0.0, height - head),
+            color=SKINS[number % len(SKINS)],
+        ),
+        Part(
+            shape="sphere", size=(0.95 * head, 0.0, 0.0), position=(-0.2 * head, 0.0, height - 0.85 * head),
+            color=HAIR,
+        ),
+    ]  # fmt: skip
+
+
+class MovingVisual:
+    """A moving obstacle in a scene that has a render system.
+
+    Args:
+        scene: the scene.
+        obstacle: what moves.
+    """
+
+    def __init__(self, scene: Any, obstacle: MovingObstacle) -> None:
+        self._obstacle = obstacle
+        middle = obstacle.base + obstacle.height / 2
+        length, width = obstacle.size or (0.0, 0.0)
+        box = obstacle.size is not None
+        part = Part(
+            shape="box" if box else "cylinder",
+            size=(length, width, obstacle.height) if box else (obstacle.radius or 0.0, obstacle.height, 0.0),
+            position=(0.0, 0.0, middle), rotation=(0.0, 0.0, obstacle.yaw), color=DOOR,
+        )  # fmt: skip
+        self._body = _add(scene, [_part(part)])
+        self.place(0.0)
+
+    def place(self, time: float) -> None:
+        """Move it to where it is at a time in seconds."""
+        self._body.set_pose(pose_of(*self._obstacle.at(time), 0.0))
 
 
 def _plain_body(robot: RobotSpec) -> tuple[Part, ...]:
