@@ -7,6 +7,7 @@ all others to brake as it would itself: for one control period they may go on, o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import torch
 from jaxtyping import Float
@@ -33,7 +34,7 @@ class SeparationConfig:
         stands: m/s below which a teammate is taken to stand.
     """
 
-    gap: NonNegative = 0.02
+    gap: NonNegative = 0.1
     sureness: NonNegative = 1.5
     stands: NonNegative = 0.1
 
@@ -80,7 +81,7 @@ class Separation(ControlLayer):
                 wp.from_torch(self._motions(observation), dtype=wp.vec4),
                 wp.from_torch(self._keep.to(command).expand(size, count).contiguous()),
                 wp.from_torch(self._deceleration.to(command)), self._own,
-                wp.empty((size, count), dtype=kernels.Other, device=device), vectors(slowed),
+                wp.empty((size, count), dtype=cast("Any", kernels.Other), device=device), vectors(slowed),
             ],
             device=device,
         )  # fmt: skip

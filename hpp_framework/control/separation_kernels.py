@@ -9,6 +9,7 @@ from hpp_framework.utils.kernels import wp
 
 wp.set_module_options({"enable_backward": False})
 
+PI = wp.constant(3.14159265358979)
 STEP = wp.constant(0.1)
 """Seconds between the places of a foreseen motion."""
 NEARER = wp.constant(0.001)
@@ -42,26 +43,28 @@ class Other:
 
 
 @wp.func
-def place_after(other: Other, time: float, period: float, side: float, turns: float) -> wp.vec2:
-    """Return where a teammate is if it goes on for a control period and brakes then, turning meanwhile.
+def nearest_after(other: Other, place: wp.vec2, time: float, period: float, turns: float) -> wp.vec2:
+    """Return the nearest to a place that a teammate can be that goes on for a period and then brakes.
+
+    It may turn meanwhile: it comes straight along the chord of an arc.
 
     Args:
         other: the teammate.
+        place: that it may come near.
         time: seconds from now.
         period: seconds for which it goes on.
-        side: -1, 0 or 1: whether it turns as hard as it can to its right, goes on turning, or to its left.
         turns: rad/s^2 at which it may turn.
     """
     pace = wp.length(other.velocity)
     braking = wp.clamp(time - period, 0.0, pace / wp.max(other.deceleration, 1.0e-3))
-    way = wp.min(time, period) + braking * (1.0 - 0.5 * braking * other.deceleration / wp.max(pace, 1.0e-6))
-    # the chord of an arc
-    turned = 0.5 * time * other.turn + side * (other.off + 0.25 * turns * time * time)
-    cos = way * wp.cos(turned)
-    sin = way * wp.sin(turned)
-    return other.place + wp.vec2(
-        cos * other.velocity[0] - sin * other.velocity[1], sin * other.velocity[0] + cos * other.velocity[1]
-    )
+    way = pace * wp.min(time, period) + braking * (pace - 0.5 * braking * other.deceleration)
+    ahead = wp.atan2(other.velocity[1], other.velocity[0]) + 0.5 * time * other.turn
+    gap = place - other.place
+    aside = wp.atan2(gap[1], gap[0]) - ahead
+    aside -= 2.0 * PI * wp.floor((aside + PI) / (2.0 * PI))
+    most = other.off + 0.25 * turns * time * time
+    heading = ahead + wp.clamp(aside, -most, most)
+    return other.place + wp.min(way, wp.length(gap)) * wp.vec2(wp.cos(heading), wp.sin(heading))
 
 
 @wp.func
@@ -109,9 +112,8 @@ def touches(
         for robot in range(others.shape[1]):
             if robot != agent:
                 other = others[row, robot]
-                for side in range(3):
-                    gap = place - place_after(other, time, own.period, float(side - 1), own.turn_acceleration)
-                    touched = touched or wp.length(gap) < other.apart
+                gap = place - nearest_after(other, place, time, own.period, own.turn_acceleration)
+                touched = touched or wp.length(gap) < other.apart
         moving = moving and not touched
     return touched
 

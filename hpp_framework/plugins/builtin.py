@@ -93,8 +93,11 @@ LAYERS: Table = (
     ("stop-on-success", "stop_on_success:stop_on_success", "stops where braking now fulfils the task"),
     ("separation", "separation:separation", "slows a robot down before it could touch a teammate"),
     ("safety-filter", "safety_filter:safety_filter", "keeps a robot off what it sees and has seen"),
+    ("watchdog", "watchdog:watchdog", "stops a robot whose lidar cannot be believed"),
 )
-DEFAULT_CONTROL = "rotate-to-path,terminal-approach,yield-together,stop-on-success,separation,safety-filter"
+DEFAULT_CONTROL = (
+    "rotate-to-path,terminal-approach,yield-together,stop-on-success,separation,safety-filter,watchdog"
+)
 """Control stack of all robots unless an experiment or a team file names another."""
 DEFAULT_DISTURBANCES = "field"
 """Profile of disturbances unless an experiment or a team file names another."""

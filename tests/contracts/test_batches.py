@@ -7,14 +7,16 @@ from functools import cache
 import pytest
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.evaluation import experiment as experiments
 from hpp_framework.evaluation.experiment import Experiment, draw_episode, run_drawn
 from hpp_framework.evaluation.rollout import run_episodes
 from hpp_framework.worlds.loader import resolve_world
 
 EPISODES, WATCHED, STEPS = 5, 3, 12
-ROUGH = NoiseModel(position_std=0.1, heading_std=0.1, scan_std=0.02, dropout=0.05, pose_dropout=0.3, delay=2)
+ROUGH = (
+    "field:position_std=0.1:heading_std=0.1:lost_beams=0.05:message_loss=0.3:jump_rate=0.2:jump_size=0.3:"
+    "fault=frozen:fault_rate=0.3:fault_time=0.4:glass=0.1:nan_beams=0.02"
+)
 PLANNERS = ("centralized-mp", "centralized-rp", "hpp", "hpp:preset=paper", "maddpg", "rrt-mp", "wander")
 
 
@@ -49,17 +51,21 @@ def check_alone_as_in_a_batch(experiment):
     assert not torch.equal(alone[0], alone[length - 1]), "who stands all the time shows nothing"
 
 
-@pytest.mark.parametrize("noise", [NoiseModel(), ROUGH], ids=["exact", "noisy"])
+@pytest.mark.parametrize("noise", ["ideal", ROUGH], ids=["exact", "noisy"])
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_an_episode_alone_equals_itself_in_a_batch(planner, noise):
     check_alone_as_in_a_batch(
-        Experiment(worlds=("navigation",), planners=(planner,), episodes=EPISODES, seed=21, noise=noise)
+        Experiment(
+            worlds=("navigation",), planners=(planner,), episodes=EPISODES, seed=21, disturbances=noise
+        )
     )
 
 
 @pytest.mark.parametrize(("team", "world"), [("fetch,freight,fetch", "wall"), ("fetch", "simple")])
 def test_so_do_episodes_of_teams_of_any_size(team, world):
-    named = Experiment(worlds=(world,), planners=("hpp",), episodes=EPISODES, seed=21, team=team, noise=ROUGH)
+    named = Experiment(
+        worlds=(world,), planners=("hpp",), episodes=EPISODES, seed=21, team=team, disturbances=ROUGH
+    )
     chosen = {number: draw_episode(named, world, resolve_world(world), number) for number in range(2)}
     together = run_drawn(named, "hpp", world, chosen).poses[1]
     alone = run_drawn(named, "hpp", world, {1: chosen[1]}).poses[0]
@@ -68,14 +74,18 @@ def test_so_do_episodes_of_teams_of_any_size(team, world):
 
 
 def test_the_order_of_a_batch_does_not_matter():
-    noisy = Experiment(worlds=("navigation",), planners=("hpp",), episodes=EPISODES, seed=21, noise=ROUGH)
+    noisy = Experiment(
+        worlds=("navigation",), planners=("hpp",), episodes=EPISODES, seed=21, disturbances=ROUGH
+    )
     forward, backward = poses_of(noisy, [1, 2]), poses_of(noisy, [2, 1])
     assert torch.equal(forward, backward.flip(0))
 
 
 def test_episodes_with_the_same_world_and_start_but_other_seeds_differ():
     """Else a broken seed, the same for all episodes, would go unnoticed here."""
-    noisy = Experiment(worlds=("simple",), planners=("wander",), episodes=EPISODES, seed=21, noise=ROUGH)
+    noisy = Experiment(
+        worlds=("simple",), planners=("wander",), episodes=EPISODES, seed=21, disturbances=ROUGH
+    )
     one = drawn("simple")[0]
     first, second = run_drawn(noisy, "wander", "simple", {0: one, 1: one}).poses
     assert torch.equal(first[0], second[0])

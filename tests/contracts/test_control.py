@@ -14,7 +14,7 @@ from hpp_framework.config.settings import altered
 from hpp_framework.control.safety_filter import SafetyFilter
 from hpp_framework.control.terminal_approach import TerminalApproach
 from hpp_framework.core.control import ControlContext, ControlLayer
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.world import Box, World
 from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
@@ -137,7 +137,7 @@ def seen():
     robots = parse_team("fetch,freight").robots
     rng = np.random.default_rng(4)
     worlds, starts = [], []
-    for gap in (2.2, 2.6, 3.0, 3.4):
+    for gap in (1.4, 1.5, 1.6, 2.2, 2.6, 3.0, 3.4):
         worlds.append(World(name="open"))
         starts.append([[0.0, 0.0, 0.1], [gap, 0.0, np.pi]])
     for gap in (0.9, 1.1, 1.3, 1.5):
@@ -146,11 +146,14 @@ def seen():
     for _ in range(4):
         worlds.append(training(rng))
         starts.append(spawn_poses(worlds[-1], robots, rng))
-    batch = EpisodeBatch(BatchSimulator(robots), noise=NoiseModel(position_std=0.005))
+    batch = EpisodeBatch(BatchSimulator(robots), disturbances=Disturbances(position_std=0.005))
     batch.begin(worlds, torch.from_numpy(np.stack(starts)).float(), range(len(worlds)))
     for _ in range(6):
         batch.step(torch.tensor([1.0, 0.0]).expand(len(worlds), 2, 2))
-    return batch.observe(0)
+    # the last robot's lidar has not sent anything that can be believed for a while
+    scan_age = torch.zeros(len(worlds))
+    scan_age[-1] = 0.4
+    return replace(batch.observe(0), scan_age=scan_age)
 
 
 def asked(layer, seen):

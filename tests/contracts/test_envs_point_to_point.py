@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.geometry import polar
 from hpp_framework.core.world import World
 from hpp_framework.envs import PointToPoint, PointToPointEnv, PointToPointVectorEnv
@@ -45,10 +45,10 @@ def equal(first, second) -> bool:
 
 def test_single_equals_a_batch_of_one():
     """Over several episodes, success and noise included: there is one implementation."""
-    noise = NoiseModel(position_std=0.02, scan_std=0.02)
+    noise = Disturbances(position_std=0.02, scan_std=0.02)
     problem = replace(SHORT, max_steps=20)
-    one = PointToPointEnv(pool_size=2, problem=problem, noise=noise, unit_actions=False)
-    many = PointToPointVectorEnv(1, pool_size=2, problem=problem, noise=noise)
+    one = PointToPointEnv(pool_size=2, problem=problem, disturbances=noise, unit_actions=False)
+    many = PointToPointVectorEnv(1, pool_size=2, problem=problem, disturbances=noise)
     seen, _ = one.reset(seed=9)
     batch, _ = many.reset(seed=9)
     rng = np.random.default_rng(0)
@@ -192,7 +192,7 @@ def test_goal_is_polar_and_the_world_frame_is_hidden(open_pool):
 def test_noise_on_request(pool):
     quiet = PointToPointVectorEnv(2, pool=pool)
     noisy = PointToPointVectorEnv(
-        2, pool=pool, noise=NoiseModel(position_std=0.1, scan_std=None, dropout=0.3)
+        2, pool=pool, disturbances=Disturbances(position_std=0.1, scan_std=None, lost_beams=0.3)
     )
     clear, disturbed = quiet.reset(seed=0)[0], noisy.reset(seed=0)[0]
     assert noisy.observation_space.contains(disturbed)

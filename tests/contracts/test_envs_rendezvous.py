@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.planner import Decision, MetaPlanner, certain
 from hpp_framework.core.team import Team
 from hpp_framework.core.world import World
@@ -135,7 +134,7 @@ def test_observation_is_the_learners_own(straight_team):
 
 
 def test_noise_reaches_observation_and_midpoint(straight_team):
-    noisy = HierarchyConfig(episode=EpisodeConfig(noise=NoiseModel(position_std=0.2)))
+    noisy = HierarchyConfig(episode=EpisodeConfig(disturbances="ideal:position_std=0.2"))
     env = RendezvousEnv(straight_team, world="simple", config=noisy)
     observation, _ = env.reset(seed=0)
     assert not np.allclose(observation["poses"], env.episode.poses)

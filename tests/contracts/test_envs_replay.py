@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.team import Team
 from hpp_framework.envs import (
     EpisodeConfig,
@@ -25,21 +25,22 @@ from hpp_framework.envs import (
     TeamEnv,
 )
 
-NOISE = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=None, dropout=0.01)
+NOISE = Disturbances(position_std=0.02, heading_std=0.02, scan_std=None, lost_beams=0.01)
+NAMED = "field:scan_std=null"
 
 SHORT = PointToPoint(max_steps=60)
 
 Step = tuple[Any, ...]
 
 MAKERS: dict[str, Callable[[Team], Any]] = {
-    "team": lambda team: TeamEnv(team, config=EpisodeConfig(noise=NOISE)),
-    "point-to-point": lambda team: PointToPointEnv(pool_size=3, noise=NOISE, problem=SHORT),
+    "team": lambda team: TeamEnv(team, config=EpisodeConfig(disturbances=NAMED)),
+    "point-to-point": lambda team: PointToPointEnv(pool_size=3, disturbances=NOISE, problem=SHORT),
     "rendezvous": lambda team: RendezvousEnv(
-        team, teammates="centralized-rp", config=HierarchyConfig(episode=EpisodeConfig(noise=NOISE))
+        team, teammates="centralized-rp", config=HierarchyConfig(episode=EpisodeConfig(disturbances=NAMED))
     ),
     "shipped skills": lambda team: RendezvousEnv(world="wall"),
     "vector": lambda team: PointToPointVectorEnv(
-        6, robots_per_world=2, pool_size=3, noise=NOISE, problem=SHORT
+        6, robots_per_world=2, pool_size=3, disturbances=NOISE, problem=SHORT
     ),
 }
 
@@ -115,7 +116,7 @@ def test_episodes_replay_in_another_process(fresh):
 @pytest.mark.sapien
 def test_episodes_replay_on_sapien(straight_team):
     pytest.importorskip("sapien")
-    config = EpisodeConfig(noise=NOISE, backend="sapien", max_steps=12)
+    config = EpisodeConfig(disturbances=NAMED, backend="sapien", max_steps=12)
     used, unused = (TeamEnv(straight_team, world="wall", config=config) for _ in range(2))
     assert digest_of(used, 8) != digest_of(used, 7)
     assert digest_of(used, 7) == digest_of(unused, 7)

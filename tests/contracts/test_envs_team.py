@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.geometry import polar
 from hpp_framework.core.world import Box, SpawnRule, World
 from hpp_framework.envs import EpisodeConfig, TeamEnv
@@ -33,7 +32,7 @@ def test_spaces_and_agents_are_the_teams():
 
 
 def test_reward_is_shared_and_that_of_the_true_poses():
-    noisy = EpisodeConfig(noise=NoiseModel(position_std=0.3))
+    noisy = EpisodeConfig(disturbances="ideal:position_std=0.3")
     env = TeamEnv(config=noisy)
     env.reset(seed=1)
     task = hub().tasks.create("rendezvous", env.episode.team.robots)
@@ -59,7 +58,7 @@ def test_observations_match_the_state_without_noise():
 
 def test_noise_disturbs_what_is_seen_but_not_what_happens():
     quiet = TeamEnv()
-    noisy = TeamEnv(config=EpisodeConfig(noise=NoiseModel(position_std=0.1, heading_std=0.5, scan_std=0.05)))
+    noisy = TeamEnv(config=EpisodeConfig(disturbances="ideal:position_std=0.1:heading_std=0.5:scan_std=0.05"))
     (clear, _), (disturbed, _) = quiet.reset(seed=3), noisy.reset(seed=3)
     for _ in range(3):
         clear, *_ = quiet.step(FORWARD)

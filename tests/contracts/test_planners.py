@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hpp_framework.agents.build import AgentConfig, build_agents
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.planner import PRESETS, Decision, MetaPlanner, PlannerContext, certain
 from hpp_framework.core.predictor import Predictor
 from hpp_framework.core.skill import Skill
@@ -76,8 +76,8 @@ def commands_of_the_first(team, agents, steps, *, blind):
     """Return what robot 0 is sent in each step, and all poses; robot 1's lidar may see nothing at all."""
     worlds = [training(numpy_rng(6, "disturbed", row)) for row in range(2)]
     starts = [spawn_poses(world, team.robots, numpy_rng(6, "starts")) for world in worlds]
-    noise = [NoiseModel(), NoiseModel(dropout=float(blind))]
-    batch = EpisodeBatch(BatchSimulator(team.robots), noise=noise)
+    noise = [Disturbances(), Disturbances(lost_beams=float(blind))]
+    batch = EpisodeBatch(BatchSimulator(team.robots), disturbances=noise)
     batch.begin(worlds, torch.from_numpy(np.stack(starts)).float(), range(2))
     for agent in agents:
         agent.reset(range(2))

@@ -136,12 +136,13 @@ def test_weights_that_do_not_say_what_they_are_for_are_refused(kind, team, weigh
 @torch.no_grad()
 def test_rollouts_keep_their_promises(name, team, weights):
     """Shapes, times, goal by goal and episode by episode, and the same answer twice."""
-    from hpp_framework.core.disturbances import NoiseModel
     from hpp_framework.evaluation.predictor_trials import draw_questions
 
     folders = (weights,) if name in KINDS else ()
     model = hub().predictors.create(name, PredictorRequest(team=team, agent=0, folders=folders))
-    asked = draw_questions(team, "simple", trajectories=3, seconds=0.2, seed=1, noise=NoiseModel())[1]
+    asked = draw_questions(
+        team, "simple", trajectories=3, seconds=0.2, seed=1, disturbances="ideal", estimator="none"
+    )[1]
     seen, goals = asked.observations[0], torch.randn(3, 4, 2, generator=torch.Generator().manual_seed(0))
     out = model.rollout(seen, goals, 3)
     assert out.poses.shape == (3, 4, 3, 2, 3)

@@ -203,6 +203,6 @@ def test_all_planners_and_policies_get_the_same_control_stack():
     for planner in ("hpp", "centralized-oa", "stubborn", "route", "maddpg"):
         for agent in build_agents(team, task, AgentConfig(planner=planner), BOUNDS):
             kinds = [type(layer) for layer in agent.control.layers]
-            assert (kinds[0], kinds[3], len(kinds)) == (RotateToPath, StopOnSuccess, 5), planner
+            assert (kinds[0], kinds[3], len(kinds)) == (RotateToPath, StopOnSuccess, 7), planner
         bare = build_agents(team, task, AgentConfig(planner=planner, control="none"), BOUNDS)
         assert [agent.control.layers for agent in bare] == [(), ()]

@@ -11,7 +11,7 @@ from hpp_skills.dwa.config import DwaConfig
 from hpp_skills.dwa.skill import DynamicWindow
 from torch import Tensor
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL, Disturbances
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.timing import CONTROL_PERIOD
@@ -35,12 +35,12 @@ def drive(
     world: World,
     poses: Tensor,
     *legs: tuple[Tensor, int],
-    noise: NoiseModel | None = None,
+    noise: Disturbances = IDEAL,
 ) -> list[State]:
     """Return the states after every step; ``legs`` are goals (b, 2) and how many steps they hold."""
     states: list[State] = []
     with BatchSimulator([robot], threads=1) as simulator:
-        batch = EpisodeBatch(simulator, noise=noise)
+        batch = EpisodeBatch(simulator, disturbances=noise)
         batch.begin([world] * len(poses), poses[:, None], range(len(poses)))
         for goal, steps in legs:
             for _ in range(steps):
@@ -238,10 +238,12 @@ def test_dwa_remembers_what_has_left_its_view(fetch):
 @pytest.mark.parametrize("lidar_robot", ["fetch", "round"])
 def test_dwa_stands_noise_and_lost_beams(lidar_robot, fetch, small_world):
     robot = fetch if lidar_robot == "fetch" else round_robot(fetch)
-    noise = NoiseModel(position_std=0.02, heading_std=0.02, scan_std=0.02, dropout=0.05)
+    noise = Disturbances(position_std=0.02, heading_std=0.02, scan_std=0.02, lost_beams=0.05)
     poses = torch.tensor([[-1.0, 1.0, -2.0], [1.0, 0.5, 1.0], [1.5, -1.5, 2.5], [-2.0, -2.0, 0.0]])
     goal = torch.tensor([[2.0, -2.0], [-1.5, -1.5], [-3.0, 0.0], [3.3, 3.3]])
-    states = drive(hub().skills.create("dwa", robot), robot, small_world, poses, (goal, 150), noise=noise)
+    states = drive(
+        hub().skills.create("dwa", robot), robot, small_world, poses, (goal, 150), disturbances=noise
+    )
     assert not bool(touched(states).any())
     assert distances(states[-1], goal).max() < 0.3
 

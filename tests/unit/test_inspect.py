@@ -212,14 +212,13 @@ def test_a_run_s_episode_number_is_checked(tmp_path, capsys):
 
 def test_an_episode_of_an_evaluation_is_run_again_as_it_was(tmp_path, monkeypatch):
     """Also where agents and sensors draw random numbers."""
-    from hpp_framework.core.disturbances import NoiseModel
     from hpp_framework.evaluation import showcase
     from hpp_framework.evaluation.experiment import Experiment, run_experiment
 
     monkeypatch.setattr(showcase, "write_video", lambda *_: None)
     experiment = Experiment(
         worlds=("simple",), planners=("centralized-rp",), episodes=3, seed=5001,
-        noise=NoiseModel(position_std=0.1),
+        disturbances="ideal:position_std=0.1",
     )  # fmt: skip
     run_experiment(experiment, tmp_path / "all")
     with (tmp_path / "all" / "episodes.csv").open() as stream:

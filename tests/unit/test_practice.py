@@ -11,7 +11,7 @@ from hpp_skills.p2p.network import NetworkShape, PolicyNetwork
 from hpp_skills.p2p.recipe import GOING_ON, Recipe
 from safetensors.torch import load_file
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.skill import SkillTraining
 from hpp_framework.envs.navigation_tasks import NavigationTasks
 from hpp_framework.envs.point_to_point import GUIDE, PointToPointVectorEnv
@@ -20,7 +20,7 @@ from hpp_framework.training.ppo import PpoConfig
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.worlds.pool import build_practice_pool
 
-QUIET = Practice(noise=NoiseModel(), late=0.0, weakest_drive=1.0, end_on_touch=0.0, detours=0.0)
+QUIET = Practice(disturbances=Disturbances(), late=0.0, weakest_drive=1.0, end_on_touch=0.0, detours=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -98,11 +98,11 @@ def test_touches_end_episodes_as_failures_if_asked(pool):
 
 
 def test_disturbances_are_a_share_of_the_strongest_anew_in_each_world(pool):
-    strong = replace(QUIET, noise=NoiseModel(position_std=0.5))
+    strong = replace(QUIET, disturbances=Disturbances(position_std=0.5))
     env = practise(pool, strong, count=256)
     true = env.tasks.straight(env.simulator.state().poses).flatten().numpy()
     error = np.abs(env.reset(seed=0)[0]["goal"][:, 0] - true)
-    strength = env._batch.sensing.intensity.numpy()
+    strength = env._batch.sensing.sensors.intensity.numpy()
     assert strength.min() < 0.1
     assert strength.max() > 0.9
     assert error[strength < 0.1].mean() < error[strength > 0.7].mean() / 3

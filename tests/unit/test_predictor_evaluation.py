@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpp_framework.cli.main import main
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.predictor import Predictor
 from hpp_framework.core.types import Trajectories
 from hpp_framework.evaluation.predictor_score import (
@@ -62,7 +61,9 @@ class Oracle(Predictor):
 @pytest.fixture(scope="module")
 def questions():
     team = parse_team("fetch,freight", skill="pure-pursuit")
-    return draw_questions(team, "simple", trajectories=6, seconds=3.0, seed=5001, noise=NoiseModel())
+    return draw_questions(
+        team, "simple", trajectories=6, seconds=3.0, seed=5001, disturbances="ideal", estimator="none"
+    )
 
 
 def test_questions_are_moments_of_trajectories_and_what_followed(questions):
@@ -80,7 +81,9 @@ def test_questions_are_moments_of_trajectories_and_what_followed(questions):
 def test_questions_depend_on_the_seed_only(questions):
     team = parse_team("fetch,freight", skill="pure-pursuit")
     again, other = (
-        draw_questions(team, "simple", trajectories=6, seconds=3.0, seed=seed, noise=NoiseModel())
+        draw_questions(
+            team, "simple", trajectories=6, seconds=3.0, seed=seed, disturbances="ideal", estimator="none"
+        )
         for seed in (5001, 5002)
     )
     assert torch.equal(again[1].future, questions[1].future)
@@ -226,7 +229,7 @@ MISTAKES = [
         "evaluate predictor constant-velocity --seconds 0.1",
         ["'seconds' must be at least 0.2", "from 0.2 to 60 s"],
     ),
-    ("evaluate predictor constant-velocity --noise.pose -1", ["position_std"]),
+    ("evaluate predictor constant-velocity --disturbances ideal:position_std=-1", ["position_std"]),
     ("evaluate predictor delta-pose-lidar --skill dwa", ["agent_skill", "'dwa'"]),
     ("evaluate predictor delta-pose-lidar --weights nowhere", ["--weights 'nowhere'"]),
     ("evaluate --episodes 3 predictor constant-velocity", ["come after", "--episodes"]),

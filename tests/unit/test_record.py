@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.world import MovingObstacle, Person
 from hpp_framework.evaluation.recorder import Recorder
@@ -34,8 +34,8 @@ def recorded(play, world, planner="hpp", index=0, steps=12):
     task = hub().tasks.create("rendezvous", team.robots)
     recorder = Recorder(index=index)
     episodes = play(
-        team, task, [world, world], STARTS, planner, steps=steps, noise=NoiseModel(position_std=0.05),
-        watch=recorder,
+        team, task, [world, world], STARTS, planner, steps=steps, watch=recorder,
+        disturbances=Disturbances(position_std=0.05),
     )  # fmt: skip
     return recorder.record(
         {**ABOUT, "planner": planner}, world, team, episodes, period=CONTROL_PERIOD

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from hpp_framework.cli.main import main
-from hpp_framework.core.disturbances import NoiseModel
 from hpp_framework.core.planner import Decision, MetaPlanner, certain
 from hpp_framework.core.world import World
 from hpp_framework.evaluation import showcase as film
@@ -137,25 +136,24 @@ def test_folders_of_older_versions_resume(tmp_path):
     config = json.loads(file.read_text())
     for name in ("command", "world_files", "versions", "planner_configs", "settings"):
         del config[name]
-    for name in ("delay", "pose_dropout"):
-        del config["noise"][name]
     file.write_text(json.dumps(config))
     run_experiment(TINY, tmp_path)
 
 
 def test_an_evaluation_is_repeated_from_its_file(tmp_path, capsys):
-    options = "--seed 5 --noise.pose 0.1 --noise.dropout 0.05 --team a=fetch,b=freight,c=fetch --preset paper"
+    options = "--seed 5 --disturbances field:lost_beams=0.05 --team a=fetch,b=freight,c=fetch --preset paper"
     main([*COMMAND, str(tmp_path / "a"), *options.split()])
     main(["evaluate", "--config", str(tmp_path / "a" / "config.json"), "--out", str(tmp_path / "b")])
     assert outcome(tmp_path / "a") == outcome(tmp_path / "b")
     assert (tmp_path / "a" / "config.json").read_text() == (tmp_path / "b" / "config.json").read_text()
-    more = ["evaluate", "--config", tmp_path / "a" / "config.json", "--seed", "6", "--noise.pose", "1"]
-    assert "leave out --seed, --noise" in refused(more, capsys)
+    more = ["evaluate", "--config", tmp_path / "a" / "config.json", "--seed", "6", "--estimator", "none"]
+    assert "leave out --seed, --estimator" in refused(more, capsys)
     assert "written by `hpp evaluate`" in refused(["run", "--config", tmp_path / "a" / "config.json"], capsys)
 
 
 def test_a_run_is_repeated_from_its_file(tmp_path, no_film):
-    options = "--backend batch --planner centralized-rp --world training --seed 3 --noise.lidar 0.02 --out"
+    options = "--backend batch --planner centralized-rp --world training --seed 3"
+    options += " --disturbances ideal:scan_std=0.02 --out"
     main(["run", *options.split(), str(tmp_path / "a")])
     main(["run", "--config", str(tmp_path / "a" / "config.json"), "--out", str(tmp_path / "b")])
     summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in "ab"]
@@ -166,7 +164,8 @@ def test_a_run_is_repeated_from_its_file(tmp_path, no_film):
 
 
 @pytest.mark.parametrize(
-    "change", [{"seed": "1"}, {"worlds": "wall"}, {"noise": {"wind": 1}}, {"team": None}, {"episodes": True}]
+    "change",
+    [{"seed": "1"}, {"worlds": "wall"}, {"disturbances": {"wind": 1}}, {"team": None}, {"episodes": True}],
 )
 def test_a_config_that_describes_no_experiment_is_refused(change, tmp_path):
     run_experiment(TINY, tmp_path)
@@ -177,7 +176,7 @@ def test_a_config_that_describes_no_experiment_is_refused(change, tmp_path):
 
 
 def test_the_config_holds_versions_and_planner_parameters(tmp_path):
-    both = replace(TINY, planners=("centralized-mp", "hpp"), noise=NoiseModel(scan_std=0.01))
+    both = replace(TINY, planners=("centralized-mp", "hpp"), disturbances="ideal:scan_std=0.01")
     run_experiment(both, tmp_path)
     config = json.loads((tmp_path / "config.json").read_text())
     assert config["versions"]["torch"] == torch.__version__

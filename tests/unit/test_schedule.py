@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import yaml
 
 from hpp_framework.agents.build import build_scheduled_agents
 from hpp_framework.agents.scheduled import ScheduledAgent, restricted
-from hpp_framework.core.disturbances import NoiseModel
+from hpp_framework.core.disturbances import IDEAL, Disturbances
 from hpp_framework.core.schedule import presence
 from hpp_framework.core.world import World
 from hpp_framework.episodes.core import EpisodeBatch
@@ -31,6 +32,7 @@ def experiment(tmp_path, *members, **options) -> Experiment:
     file = tmp_path / "team.yaml"
     file.write_text(yaml.safe_dump({"members": [{"robot": "fetch", **member} for member in members]}))
     default = {"worlds": ("simple",), "planners": ("centralized-mp",), "episodes": 1}
+    default |= {"disturbances": "ideal", "estimator": "none"}
     return Experiment(**{**default, **options}, team=str(file))
 
 
@@ -94,7 +96,7 @@ def test_who_drops_out_stands_and_the_others_succeed_without_it(tmp_path):
     driven = episodes.poses[0].diff(dim=0)[..., :2].norm(dim=-1)
     assert float(driven[:5, 2].sum()) > 0
     # 1 m/s is stopped within a second
-    assert float(driven[11:, 2].max()) < 1e-3
+    assert float(driven[13:, 2].max()) < 1e-3
     done = int(episodes.done_step[0])
     assert done > 5
     assert bool(shown.task.success(episodes.poses[:1, done, :2])[0])
@@ -138,16 +140,16 @@ def test_a_change_of_the_team_leaves_scripted_planners_alone(tmp_path, begun):
 
 
 def test_noise_of_one_robot_disturbs_what_that_robot_observes(tmp_path):
-    shown = experiment(tmp_path, {"id": "a"}, {"id": "b", "noise": {"position_std": 0.5, "delay": 2}})
+    shown = experiment(tmp_path, {"id": "a"}, {"id": "b", "disturbances": "ideal:position_std=0.5"})
     team = shown.make_team()
-    noises = team.noises(NoiseModel(heading_std=0.01))
-    assert noises == [NoiseModel(heading_std=0.01), NoiseModel(heading_std=0.01, position_std=0.5, delay=2)]
-    batch = EpisodeBatch(BatchSimulator(team.robots), noise=team.noises(NoiseModel()))
+    disturbances = replace(shown, disturbances="ideal").team_disturbances(team)
+    assert disturbances == [IDEAL, Disturbances(position_std=0.5)]
+    batch = EpisodeBatch(BatchSimulator(team.robots), disturbances=disturbances)
     batch.begin([ROOM], torch.tensor([[[0.0, 0, 0], [3.0, 0, 0]]]), [0])
     for _ in range(3):
         batch.step(torch.tensor([[[0.5, 0.0], [0.0, 0.0]]]))
-    assert torch.equal(batch.observe(0).team_poses, batch.state.poses)
-    assert not torch.allclose(batch.observe(1).team_poses, batch.state.poses, atol=0.01)
+    assert torch.equal(batch.observe(0).pose, batch.state.poses[:, 0])
+    assert not torch.allclose(batch.observe(1).pose, batch.state.poses[:, 1], atol=0.01)
 
 
 def test_the_team_of_the_documentation_plays(tmp_path):
@@ -166,7 +168,7 @@ def test_the_team_of_the_documentation_plays(tmp_path):
     recorder = Recorder()
     episodes = run_episodes(
         BatchSimulator(team.robots), [ROOM], starts, agents, schedule, seeds=[0],
-        noise=team.noises(NoiseModel()), steps=17, watch=recorder,
+        steps=17, watch=recorder,
     )  # fmt: skip
     driven = episodes.poses[0].diff(dim=0)[..., :2].norm(dim=-1).sum(0)
     assert bool((driven > 0.1).tolist()[0])

@@ -516,7 +516,7 @@ MISTAKES = [
     ("evaluate skill straight --worlds room --episodes 0", ["at least 1"]),
     ("evaluate skill straight --worlds room --goal-distance 9 2", ["goal distance"]),
     ("evaluate skill straight --worlds room --goal-distance 40 50", ["no goal 40 to 50 m away"]),
-    ("evaluate skill straight --worlds room --noise.pose -1", ["position_std"]),
+    ("evaluate skill straight --worlds room --disturbances ideal:position_std=-1", ["position_std"]),
     ("evaluate skill straight --worlds nowhere.yaml", ["nowhere.yaml"]),
     ("evaluate skill straight --worlds room --out /proc/nothing", ["cannot write to"]),
     ("evaluate --episodes 3 skill straight", ["come after", "--episodes"]),
@@ -545,12 +545,23 @@ def test_a_robot_without_weights_is_one_line(register, fetch, tmp_path, monkeypa
 def test_planners_are_compared_unless_skills_are_asked_for(monkeypatch):
     called = []
     monkeypatch.setattr(Evaluate, "run", lambda command: called.append(command))
-    main(["evaluate", "--worlds", "wall", "--noise.pose", "0.1"])
+    main(["evaluate", "--worlds", "wall", "--disturbances", "ideal:position_std=0.1"])
     main(
-        ["evaluate", "skill", "dwa", "--worlds", "barn", "--noise.pose", "0.2", "--goal-distance", "5", "10"]
+        [
+            "evaluate",
+            "skill",
+            "dwa",
+            "--worlds",
+            "barn",
+            "--disturbances",
+            "harsh",
+            "--goal-distance",
+            "5",
+            "10",
+        ]
     )
     teams, skills = called
     assert teams.judge is None
-    assert (teams.worlds, teams.noise.pose) == ("wall", 0.1)
-    assert (skills.judge.name, skills.judge.worlds, skills.judge.noise.pose) == ("dwa", "barn", 0.2)
+    assert (teams.worlds, teams.disturbances) == ("wall", "ideal:position_std=0.1")
+    assert (skills.judge.name, skills.judge.worlds, skills.judge.disturbances) == ("dwa", "barn", "harsh")
     assert skills.judge.goal_distance == (5.0, 10.0)
