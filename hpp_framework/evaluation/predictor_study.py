@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from hpp_framework.config.sensing_choice import make_estimators, parse_disturbances
 from hpp_framework.core.predictor import Predictor, PredictorRequest
 from hpp_framework.core.team import Team
 from hpp_framework.evaluation import folder
@@ -116,6 +117,8 @@ def run_study(
     team = parse_team(study.team, skill=study.skill)
     for world in study.worlds:
         resolve_world(world)
+    errors = [parse_disturbances(study.disturbances)] * len(team)
+    make_estimators(study.estimator, team.robots, errors)
     models = _models(study, team)
     folder.open_evaluation(out, folder.record(folder.EVALUATE, asdict(study), {}))
     cells: Cells = {}

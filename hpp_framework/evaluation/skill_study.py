@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from hpp_framework.config.sensing_choice import make_estimators, parse_disturbances
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.evaluation import folder
 from hpp_framework.evaluation.competence import competence_card, competence_map, write_competence
@@ -60,6 +61,7 @@ class SkillStudy:
     def __post_init__(self) -> None:
         if not self.skills or not self.worlds:
             raise ConfigError("name at least one skill and one world.")
+        parse_disturbances(self.disturbances)
 
     def trial(self, world: str, *, episodes: int | None = None) -> Trial:
         """Return what every skill is put to in a world."""
@@ -77,6 +79,7 @@ def check_study(study: SkillStudy) -> RobotSpec:
         HppError: whatever is wrong: an unknown name, missing weights, a world without such goals.
     """
     robot = hub().robots.create(study.robot)
+    make_estimators(study.estimator, [robot], [parse_disturbances(study.disturbances)])
     for world in study.worlds:
         study.trial(world)
     for skill in study.skills:

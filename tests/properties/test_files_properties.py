@@ -19,7 +19,7 @@ from hpp_framework.worlds.loader import load_world
 
 KEYS = """
     name bounds walled boxes cylinders meshes spawn center size yaw_deg height base radius file position scale
-    distance axis_deg axis_spread_deg clearance poses members id robot skill planner control noise believes
+    distance axis_deg axis_spread_deg clearance poses members id robot skill planner control disturbances believes
     weights joins_at leaves_at reward success term weight at_most sustain_steps rest_speed halts dropout
 """.split()  # noqa: SIM905  # shorter than a list
 WORDS = ["fetch", "p2p", "hpp", "spread", "alice", "", "\x00", "é", "a/b"]
@@ -52,10 +52,8 @@ TASK = {
     "sustain_steps": 3, "rest_speed": 0.1,
 }  # fmt: skip
 TEAM = {
-    "noise": {"dropout": 0.1},
-    "members": [
-        {"id": "alice", "robot": "fetch", "noise": {"position_std": 0.1}, "joins_at": 0, "leaves_at": 9}
-    ],
+    "disturbances": "field",
+    "members": [{"id": "alice", "robot": "fetch", "disturbances": "paper", "joins_at": 0, "leaves_at": 9}],
 }
 
 

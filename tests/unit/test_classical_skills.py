@@ -241,9 +241,7 @@ def test_dwa_stands_noise_and_lost_beams(lidar_robot, fetch, small_world):
     noise = Disturbances(position_std=0.02, heading_std=0.02, scan_std=0.02, lost_beams=0.05)
     poses = torch.tensor([[-1.0, 1.0, -2.0], [1.0, 0.5, 1.0], [1.5, -1.5, 2.5], [-2.0, -2.0, 0.0]])
     goal = torch.tensor([[2.0, -2.0], [-1.5, -1.5], [-3.0, 0.0], [3.3, 3.3]])
-    states = drive(
-        hub().skills.create("dwa", robot), robot, small_world, poses, (goal, 150), disturbances=noise
-    )
+    states = drive(hub().skills.create("dwa", robot), robot, small_world, poses, (goal, 150), noise=noise)
     assert not bool(touched(states).any())
     assert distances(states[-1], goal).max() < 0.3
 
