@@ -18,6 +18,7 @@ import pytest
 import torch
 
 from hpp_framework.evaluation.experiment import Experiment, run_experiment
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 
 FILE = Path(__file__).with_name("episodes.npz")
 EPISODES, SEED = 8, 7
@@ -42,7 +43,11 @@ CELLS: dict[str, dict[str, str]] = {
         "task": "formation",
         "team": "fetch,freight,fetch",
     },
-}
+    "field": {
+        "world": "navigation", "planner": "hpp", "disturbances": "field", "estimator": "tracker",
+        "control": DEFAULT_CONTROL,
+    },
+}  # fmt: skip
 FIELDS = (
     "success", "time_s", "first_contact_s", "touched_obstacle", "touched_robot", "final_distance_m", "steps",
     "goal_gap_m", "agreement_s", "side_flips", "chase",
@@ -67,7 +72,8 @@ def record(cell: str, out: Path) -> dict[str, np.ndarray]:
         Experiment(
             worlds=(named["world"],), planners=(named["planner"],), team=named.get("team", "fetch,freight"),
             task=named.get("task", "rendezvous"), control=named.get("control", FULL), episodes=EPISODES,
-            seed=SEED, disturbances="ideal", estimator="none",
+            seed=SEED, disturbances=named.get("disturbances", "ideal"),
+            estimator=named.get("estimator", "none"),
         ),
         out,
     )  # fmt: skip

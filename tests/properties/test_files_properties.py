@@ -19,8 +19,9 @@ from hpp_framework.worlds.loader import load_world
 
 KEYS = """
     name bounds walled boxes cylinders meshes spawn center size yaw_deg height base radius file position scale
-    distance axis_deg axis_spread_deg clearance poses members id robot skill planner control disturbances believes
-    weights joins_at leaves_at reward success term weight at_most sustain_steps rest_speed halts dropout
+    distance axis_deg axis_spread_deg clearance poses members id robot skill planner control disturbances
+    believes weights joins_at leaves_at reward success term weight at_most sustain_steps rest_speed halts
+    dropout
 """.split()  # noqa: SIM905  # shorter than a list
 WORDS = ["fetch", "p2p", "hpp", "spread", "alice", "", "\x00", "é", "a/b"]
 NUMBERS = st.floats() | st.integers(-10, 10) | st.integers()
