@@ -20,6 +20,8 @@ GATE = wp.constant(16.0)
 """Squared innovation, in its own variance, from which on a localisation is taken to have jumped."""
 ROUNDS = wp.constant(5)
 """Steps of Gauss and Newton by which a disc is fitted to a scan."""
+REACH = wp.constant(1.5)
+"""Metres from where it is expected within which a teammate is looked for, at most."""
 ACROSS = wp.constant(8)
 """Beams that a surface seen between two neighbouring beams may fill once the lidar has come nearer."""
 SURFACE = wp.constant(0.25)
@@ -272,6 +274,92 @@ def follow(
     covariances[row, robot] = p
 
 
+@wp.func
+def disc_at(
+    row: int,
+    expected: wp.vec2,
+    reach: float,
+    radius: float,
+    first: int,
+    last: int,
+    scans: wp.array2d(dtype=float),
+    beams: wp.array(dtype=wp.vec2),
+    view: View,
+) -> wp.vec3:
+    """Return the middle of a disc that a lidar sees near a place, and the beams on it: 0 if it sees none.
+
+    Args:
+        row: episode.
+        expected: place, in the lidar's frame.
+        reach: metres from its edge within which points count at first.
+        radius: of the disc, metres.
+        first: beam that can lie on it.
+        last: beam after those that can.
+        scans: metres.
+        beams: their directions in the lidar's frame.
+        view: numbers of the lidar.
+    """
+    centre = expected
+    count = int(0)
+    squares = float(0.0)
+    tolerance = reach
+    for fit in range(ROUNDS):
+        xx = float(0.5)
+        xy = float(0.0)
+        yy = float(0.5)
+        gx = float(0.0)
+        gy = float(0.0)
+        count = int(0)
+        squares = float(0.0)
+        far = wp.length(centre)
+        for k in range(first, last):
+            distance = scans[row, k]
+            if distance < MISSED * view.max_range:
+                point = distance * beams[k]
+                apart = point - centre
+                length = wp.max(wp.length(apart), 1.0e-4)
+                off = length - radius
+                # the side that faces the lidar
+                if wp.abs(off) < tolerance and wp.dot(apart, centre) < 0.25 * radius * far:
+                    nx = apart[0] / length
+                    ny = apart[1] / length
+                    xx += nx * nx
+                    xy += nx * ny
+                    yy += ny * ny
+                    gx += nx * off
+                    gy += ny * off
+                    count += 1
+                    squares += off * off
+        determinant = xx * yy - xy * xy
+        if fit < ROUNDS - 1 and count > 0:
+            centre += wp.vec2(yy * gx - xy * gy, xx * gy - xy * gx) / determinant
+        tolerance = wp.max(0.5 * tolerance, 0.06 + 2.0 * view.noise)
+    nothing = wp.vec3(0.0, 0.0, 0.0)
+    far = wp.length(centre)
+    if far <= radius + view.min_range:
+        return nothing
+    half = wp.asin(radius / far)
+    bearing = wp.atan2(centre[1], centre[0])
+    left = int(wp.ceil((bearing + half + view.half_view) / view.step)) + 1
+    right = int(wp.floor((bearing - half + view.half_view) / view.step)) - 1
+    # beams beside it go past it
+    if left < view.beams:
+        if scans[row, left] < far - 0.05:
+            return nothing
+    if right >= 0:
+        if scans[row, right] < far - 0.05:
+            return nothing
+    # part of it may be out of view
+    seen_from = wp.max(-half, -view.half_view - bearing)
+    seen_to = wp.min(half, view.half_view - bearing)
+    wanted = wp.max((seen_to - seen_from) / view.step, 0.0)
+    if float(count) < wp.max(3.0, 0.6 * wanted) or squares > float(count) * wp.pow(
+        0.03 + 1.5 * view.noise, 2.0
+    ):
+        return nothing
+    return wp.vec3(centre[0], centre[1], float(count))
+
+
 @wp.kernel
 def sight(
     agent: int,
@@ -312,7 +400,7 @@ def sight(
     gap = wp.vec2(x[0] - eye[0], x[1] - eye[1])
     expected = wp.vec2(cos * gap[0] + sin * gap[1], cos * gap[1] - sin * gap[0])
     std = wp.sqrt(0.5 * (p[0, 0] + p[1, 1]))
-    reach = wp.min(0.15 + 2.5 * std, 0.8)
+    reach = wp.min(0.15 + 2.5 * std, REACH)
     away = wp.length(expected)
     if away < radius + view.min_range or away > view.max_range + radius:
         return
@@ -323,64 +411,16 @@ def sight(
     last = wp.min(int((bearing + span + view.half_view) / view.step) + 2, view.beams)
     if last - first < 3:
         return
-    centre = expected
-    count = 0
-    squares = float(0.0)
-    tolerance = reach
-    for fit in range(ROUNDS):
-        xx = float(0.5)
-        xy = float(0.0)
-        yy = float(0.5)
-        gx = float(0.0)
-        gy = float(0.0)
-        count = int(0)
-        squares = float(0.0)
-        far = wp.length(centre)
-        for k in range(first, last):
-            distance = scans[row, k]
-            if distance < MISSED * view.max_range:
-                point = distance * beams[k]
-                apart = point - centre
-                length = wp.max(wp.length(apart), 1.0e-4)
-                off = length - radius
-                # the side that faces the lidar
-                if wp.abs(off) < tolerance and wp.dot(apart, centre) < 0.25 * radius * far:
-                    nx = apart[0] / length
-                    ny = apart[1] / length
-                    xx += nx * nx
-                    xy += nx * ny
-                    yy += ny * ny
-                    gx += nx * off
-                    gy += ny * off
-                    count += 1
-                    squares += off * off
-        determinant = xx * yy - xy * xy
-        if fit < ROUNDS - 1 and count > 0:
-            centre += wp.vec2(yy * gx - xy * gy, xx * gy - xy * gx) / determinant
-        tolerance = wp.max(0.5 * tolerance, 0.06 + 2.0 * view.noise)
-    far = wp.length(centre)
-    if far <= radius + view.min_range or wp.length(centre - expected) > reach:
+    # where it is expected, or else nearer or farther off
+    found = disc_at(row, expected, reach, radius, first, last, scans, beams, view)
+    for side in range(2):
+        if found[2] == 0.0 and reach > 0.5:
+            start = expected * (1.0 + (float(side) - 0.5) * reach / away)
+            found = disc_at(row, start, 0.7 * reach, radius, first, last, scans, beams, view)
+    centre = wp.vec2(found[0], found[1])
+    if found[2] == 0.0 or wp.length(centre - expected) > reach:
         return
-    half = wp.asin(radius / far)
-    wanted = 2.0 * half / view.step
-    bearing = wp.atan2(centre[1], centre[0])
-    left = int(wp.ceil((bearing + half + view.half_view) / view.step)) + 1
-    right = int(wp.floor((bearing - half + view.half_view) / view.step)) - 1
-    # part of it may be out of view
-    seen_from = wp.max(-half, -view.half_view - bearing)
-    seen_to = wp.min(half, view.half_view - bearing)
-    wanted = wp.max((seen_to - seen_from) / view.step, 0.0)
-    clear = bool(True)
-    if left < view.beams:
-        clear = clear and scans[row, left] > far - 0.05
-    if right >= 0:
-        clear = clear and scans[row, right] > far - 0.05
-    if not clear or float(count) < wp.max(3.0, 0.6 * wanted):
-        return
-    rms = wp.sqrt(squares / float(count))
-    if rms > 0.03 + 1.5 * view.noise:
-        return
-    variance = 0.01 * 0.01 + 4.0 * view.noise * view.noise / float(count)
+    variance = 0.01 * 0.01 + 4.0 * view.noise * view.noise / found[2]
     dx = eye[0] + cos * centre[0] - sin * centre[1] - x[0]
     dy = eye[1] + sin * centre[0] + cos * centre[1] - x[1]
     if dx * dx / (p[0, 0] + variance) + dy * dy / (p[1, 1] + variance) > GATE:
