@@ -36,7 +36,7 @@ class Evaluate:
 
     worlds: str = "simple,wall,navigation"
     """Registered worlds or YAML files, separated by commas."""
-    planners: str = "hpp,centralized-mp,centralized-oa,centralized-rp"
+    planners: str = "hpp,geodesic-midpoint,centralized-mp,centralized-oa,centralized-rp"
     """Registered planners, separated by commas; 'hpp:keep=0.05:memory=0' and 'hpp:preset=paper' have
     settings of their own."""
     team: str = "fetch,freight"

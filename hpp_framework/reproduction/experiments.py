@@ -11,6 +11,7 @@ from typing import Any
 from hpp_framework.config.team_file import effective_team
 from hpp_framework.evaluation.experiment import Experiment
 from hpp_framework.evaluation.predictor_study import PredictorStudy
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.reproduction.plan import Curves, Planned
 from hpp_framework.utils.errors import unknown_name
 
@@ -21,6 +22,8 @@ BEST, PAPER = "hpp", "hpp:preset=paper"
 CENTRALIZED = ("centralized-mp", "centralized-oa", "centralized-rp")
 RRT = ("rrt-mp", "rrt-oa", "rrt-cem")
 MAPPED = tuple(f"{name}:known_map=true" for name in RRT)
+RULE = "geodesic-midpoint"
+"""The strongest rule: it learns and infers nothing."""
 LEARNED = "maddpg"
 CEILINGS = ("full-communication", "perfect-model")
 
@@ -45,7 +48,20 @@ MODELS = (
 """A model that knows nothing of goals, 15 s ahead, and the paper's own, 5 s ahead."""
 TRAINED = "p2p"
 """The skill of all weights."""
-DISTURBED = (BEST, PAPER, "centralized-mp")
+DISTURBED = (BEST, RULE, PAPER, "centralized-oa")
+STACKS = {
+    "none": ("no control layers", "none"),
+    "stop": ("stop on success alone", "stop-on-success"),
+    "safe": ("stop on success and safety", "stop-on-success,separation,safety-filter,watchdog"),
+    "approach": (
+        "all layers but rotate-to-path",
+        "terminal-approach,yield-together,stop-on-success,separation,safety-filter,watchdog",
+    ),
+    "all": ("all layers", DEFAULT_CONTROL),
+}
+"""Control stacks by what they leave out."""
+STACKED = (BEST, RULE, "centralized-oa", "centralized-mp")
+STACKED_WORLDS = ("wall", "navigation", "real-roundabout", "real-forest")
 
 SKILLS = {
     "skill-early": ("p2p after 1.5 million steps of training", "p2p-early"),
@@ -109,6 +125,7 @@ class Scale:
         worlds: the first so many of each experiment's worlds.
         arms: the first so many planners of each ablation.
         disturbances: the first so many of each kind.
+        stacks: the last so many control stacks.
     """
 
     episodes: int
@@ -117,10 +134,11 @@ class Scale:
     worlds: int | None = None
     arms: int | None = None
     disturbances: int | None = None
+    stacks: int = len(STACKS)
 
 
 SCALES = {
-    "smoke": Scale(episodes=2, ablation=2, trajectories=4, worlds=2, arms=2, disturbances=1),
+    "smoke": Scale(episodes=2, ablation=2, trajectories=4, worlds=2, arms=2, disturbances=1, stacks=1),
     "standard": Scale(episodes=100, ablation=100, trajectories=200),
     "full": Scale(episodes=500, ablation=500, trajectories=1000),
 }
@@ -143,13 +161,14 @@ def experiments(scale: str, seed: int) -> list[Planned]:
         name="main", title="All planners in all worlds", figure="figures 4, 5 and 7",
         work=Experiment(
             worlds=(*SIMULATED[: size.worlds], *SCANNED[: size.worlds and size.worlds - 1]),
-            planners=(BEST, PAPER, *CENTRALIZED, *RRT, *MAPPED, LEARNED, *CEILINGS),
+            planners=(BEST, RULE, PAPER, *CENTRALIZED, *RRT, *MAPPED, LEARNED, *CEILINGS),
             episodes=size.episodes, seed=seed, disturbances=LABORATORY,
         ),
     )  # fmt: skip
     parts = (
         _faithful(size, seed),
         _ours(size, seed),
+        _stacks(size, seed),
         _disturbed(size, seed),
         _mistaken(size, seed),
         _models(size, seed),
@@ -202,6 +221,21 @@ def _ours(size: Scale, seed: int) -> list[Planned]:
         Planned(
             name="models", title="Preset best with poorer motion models", figure=None, work=work(MODELS)
         ),
+    ]  # fmt: skip
+
+
+def _stacks(size: Scale, seed: int) -> list[Planned]:
+    """Return what control layers add to each planner, one stack after another."""
+    chosen = list(STACKS.items())[-size.stacks :]
+    return [
+        Planned(
+            name=f"control-{name}", title=f"Control stack: {words}", figure=None,
+            work=Experiment(
+                worlds=STACKED_WORLDS[: size.worlds], planners=STACKED[: size.arms], control=control,
+                episodes=size.ablation, seed=seed, disturbances=LABORATORY,
+            ),
+        )
+        for name, (words, control) in chosen
     ]  # fmt: skip
 
 
