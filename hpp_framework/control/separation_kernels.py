@@ -180,7 +180,10 @@ def slow_down(
             speed = v + (slowest - v) * float(i) / float(SPEEDS - 1)
             command = wp.vec2(speed, w)
             if i > 0:
-                best = wp.vec2(speed, wanted[1])
+                best = wp.vec2(wp.min(wanted[0], speed), wanted[1])
+            if i == SPEEDS - 1:
+                # a full stop: a speed that is reached goes on if the next command comes late
+                best = wp.vec2(wp.min(wanted[0], 0.0), wanted[1])
             if not touches(row, velocity, command, w, own, agent, others) or not touches(
                 row, velocity, command, 0.0, own, agent, others
             ):
