@@ -34,7 +34,7 @@ class SeparationConfig:
         stands: m/s below which a teammate is taken to stand.
     """
 
-    gap: NonNegative = 0.1
+    gap: NonNegative = 0.15
     sureness: NonNegative = 1.5
     stands: NonNegative = 0.1
 

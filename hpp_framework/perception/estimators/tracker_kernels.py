@@ -16,10 +16,12 @@ Mat99 = wp.types.matrix(shape=(9, 9), dtype=float)
 PI = wp.constant(3.14159265358979)
 TINY = wp.constant(1.0e-6)
 """Least variance that anything is taken to have."""
-GATE = wp.constant(16.0)
+GATE = wp.constant(25.0)
 """Squared innovation, in its own variance, from which on a localisation is taken to have jumped."""
 ROUNDS = wp.constant(5)
 """Steps of Gauss and Newton by which a disc is fitted to a scan."""
+WAVERS = wp.constant(0.012)
+"""Radians by which the estimated own heading changes from step to step."""
 REACH = wp.constant(1.5)
 """Metres from where it is expected within which a teammate is looked for, at most."""
 ACROSS = wp.constant(8)
@@ -420,7 +422,9 @@ def sight(
     centre = wp.vec2(found[0], found[1])
     if found[2] == 0.0 or wp.length(centre - expected) > reach:
         return
-    variance = 0.01 * 0.01 + 4.0 * view.noise * view.noise / found[2]
+    far = wp.length(centre)
+    # the heading from which it is seen wavers
+    variance = 0.01 * 0.01 + 4.0 * view.noise * view.noise / found[2] + WAVERS * WAVERS * far * far
     dx = eye[0] + cos * centre[0] - sin * centre[1] - x[0]
     dy = eye[1] + sin * centre[0] + cos * centre[1] - x[1]
     if dx * dx / (p[0, 0] + variance) + dy * dy / (p[1, 1] + variance) > GATE:
