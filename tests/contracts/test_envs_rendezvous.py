@@ -12,6 +12,7 @@ from hpp_framework.core.planner import Decision, MetaPlanner, certain
 from hpp_framework.core.team import Team
 from hpp_framework.core.world import World
 from hpp_framework.envs import EpisodeConfig, HierarchyConfig, RendezvousEnv, TeamEnv
+from hpp_framework.plugins.builtin import DEFAULT_CONTROL
 from hpp_framework.utils.errors import ConfigError, SimulatorError, UnknownNameError
 
 
@@ -220,14 +221,22 @@ def test_bad_use_is_explained(straight_team):
             HierarchyConfig(**options)
 
 
-def test_runs_with_the_shipped_skills():
-    """Fetch and Freight meet in the middle of an empty room, whichever of them learns."""
-    for learner in (0, 1):
-        env = RendezvousEnv(world="simple", learner=learner)
-        env.reset(seed=0)
-        for _ in range(10):
-            observation, _, terminated, truncated, _ = env.step(np.zeros(2))
-            assert env.observation_space.contains(observation)
-            if terminated or truncated:
-                break
-        assert terminated
+@pytest.mark.parametrize("learner", [0, 1])
+def test_runs_with_the_shipped_skills(learner):
+    """Told to go to the middle of an empty room, either robot meets the other there, and stays with it."""
+    env = RendezvousEnv(world="simple", learner=learner)
+    env.reset(seed=0)
+    met = []
+    for _ in range(10):
+        observation, _, terminated, truncated, info = env.step(np.zeros(2))
+        assert env.observation_space.contains(observation)
+        met.append(info["met"])
+        if terminated or truncated:
+            break
+    assert all(met[3:])
+
+
+def test_a_learner_that_stops_on_success_ends_the_episode():
+    env = RendezvousEnv(world="simple", config=HierarchyConfig(control=DEFAULT_CONTROL))
+    env.reset(seed=0)
+    assert any(env.step(np.zeros(2))[2] for _ in range(10))
