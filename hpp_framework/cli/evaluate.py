@@ -37,8 +37,8 @@ class Evaluate:
     worlds: str = "simple,wall,navigation"
     """Registered worlds or YAML files, separated by commas."""
     planners: str = "hpp,geodesic-midpoint,centralized-mp,centralized-oa,centralized-rp"
-    """Registered planners, separated by commas; 'hpp:keep=0.05:memory=0' and 'hpp:preset=paper' have
-    settings of their own."""
+    """Registered planners, separated by commas; 'hpp:hysteresis=0.05:forgetting_factor=0' and
+    'hpp:preset=paper' have settings of their own."""
     team: str = "fetch,freight"
     """Robots, separated by commas, 'id=robot' names one; or a team file (.yaml)."""
     control: str = DEFAULT_CONTROL
@@ -63,7 +63,7 @@ class Evaluate:
     weights: str = ""
     """Extra folders searched for weights of predictors and policies, separated by commas."""
     set: Pairs = ()
-    """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
+    """Settings of every planner that has parameters, e.g. hysteresis=0.05 plan_every=10."""
     save: str = ""
     """Episodes of each world and planner to keep for 'hpp inspect' (run again at the end): numbers, or
     failures, touched, best, median, worst, all; separated by commas."""

@@ -28,7 +28,7 @@ class Run:
     team: str = "fetch,freight"
     """Robots, separated by commas, 'id=robot' names one; or a team file (.yaml)."""
     planner: str = "hpp"
-    """Registered planner of every robot; 'hpp:keep=0.05' gives it a setting."""
+    """Registered planner of every robot; 'hpp:hysteresis=0.05' gives it a setting."""
     control: str = DEFAULT_CONTROL
     """Control layers of every robot from the skill outwards, e.g. 'terminal-approach:near=1.2,safety-filter',
     or 'none'; 'hpp list layers' shows them."""
@@ -51,7 +51,7 @@ class Run:
     weights: str = ""
     """Extra folders searched for weights of predictors and policies, separated by commas."""
     set: Pairs = ()
-    """Settings of every planner that has parameters, e.g. keep=0.05 plan_every=10."""
+    """Settings of every planner that has parameters, e.g. hysteresis=0.05 plan_every=10."""
     people: int = 0
     """Pedestrians who walk between random places, beside those that a world has of its own."""
     disturbances: str = DEFAULT_DISTURBANCES

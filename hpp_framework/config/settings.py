@@ -52,7 +52,8 @@ def altered(config: Config, settings: Mapping[str, Any], owner: str) -> Config:
 
     Args:
         config: the values to start from; dataclasses may lie in it.
-        settings: values by dotted name, e.g. ``{"keep": 0.05, "cem.samples": 30}``.
+            A class attribute ``RENAMED`` maps names that fields once had to those they have.
+        settings: values by dotted name, e.g. ``{"hysteresis": 0.05, "cem.samples": 30}``.
         owner: whose settings these are, for messages, e.g. ``"the recipe"``.
 
     Raises:
@@ -93,7 +94,8 @@ def _altered(config: Any, old: Any, name: str, path: list[str], value: Any, owne
     """
     known = {each.name: each for each in fields(config)}
     if path[0] not in known:
-        remedy = unknown(path[0], list(known))
+        now = getattr(type(config), "RENAMED", {}).get(path[0])
+        remedy = f"It is now called '{now}'." if now else unknown(path[0], list(known))
         raise ConfigError(f"'{name}' is no setting of {owner}: {path[0]!r} is unknown. {remedy}")
     if is_dataclass(old) and len(path) > 1:
         inner = _altered(old, getattr(old, path[1], None), name, path[1:], value, owner)

@@ -17,7 +17,7 @@ from hpp_framework.core import geometry
 from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.types import Observation
-from hpp_framework.perception.local_map import charted_ways, draw_chart
+from hpp_framework.perception.local_map import build_local_map, mapped_paths
 from hpp_framework.utils.errors import ConfigError
 
 
@@ -72,11 +72,11 @@ class RotateToPath(ControlLayer):
         del goal
         config = self.config
         here = observation.pose[:, None, :2]
-        chart = draw_chart(
+        local_map = build_local_map(
             self.lidar, observation.agent, observation.team_poses, observation.scan, observation.keyframes,
             here, self.radius,
         )  # fmt: skip
-        paths = charted_ways(chart, waypoint[:, None], torch.tensor([config.beginning, config.back]))
+        paths = mapped_paths(local_map, waypoint[:, None], torch.tensor([config.beginning, config.back]))
         first, back = paths.points[:, 0, 0].unbind(1)
         under_way = self._under_way(observation)
         turned = geometry.polar(observation.pose, first)[..., 1].abs()

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from hpp_framework.config.settings import altered
-from hpp_framework.control.stopping import Halting
+from hpp_framework.control.stopping import StoppingPoints
 from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task
@@ -54,7 +54,7 @@ class StopOnSuccess(ControlLayer):
         self, task: Task, robots: Sequence[RobotSpec], config: StopOnSuccessConfig | None = None
     ) -> None:
         self.task = task
-        self.halting = Halting(robots)
+        self.stopping = StoppingPoints(robots)
         self.config = config or StopOnSuccessConfig()
 
     def redirect(
@@ -82,7 +82,7 @@ class StopOnSuccess(ControlLayer):
     def stops(self, observation: Observation) -> Bool[Tensor, "b"]:
         """Return whether to stop now."""
         poses = observation.team_poses
-        halt = self.halting(observation)
+        halt = self.stopping(observation)
         return self.task.success(poses) | self.task.success(torch.cat([halt, poses[..., 2:]], -1))
 
 

@@ -17,7 +17,7 @@ SPEED_STEPS = 3
 """Control steps over which observed motion is averaged."""
 
 
-class Halting:
+class StoppingPoints:
     """Foresees everybody's halt: at full deceleration, in the direction that the present turn leads to.
 
     Of its own motion an agent knows what its odometry says, of the others' what their poses tell.

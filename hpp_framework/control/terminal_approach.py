@@ -21,7 +21,7 @@ from torch import Tensor
 
 from hpp_framework.config.settings import altered
 from hpp_framework.control.safety_filter import SafetyFilter
-from hpp_framework.control.stopping import Halting, motion
+from hpp_framework.control.stopping import StoppingPoints, motion
 from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.geometry import polar, to_frame, wrap_angle
 from hpp_framework.core.robot import RobotSpec
@@ -110,7 +110,7 @@ class TerminalApproach(ControlLayer):
         self.safety = SafetyFilter(self.robot)
         self.agent = agent
         self.useful = ends_together(task, len(robots))
-        self.halting = Halting(robots)
+        self.stopping = StoppingPoints(robots)
         self.robots = tuple(robots)
         self.own_targets = has_targets(task, len(robots))
         self.sure_of = [agent] if self.own_targets else list(range(len(robots)))
@@ -207,7 +207,7 @@ class TerminalApproach(ControlLayer):
 
     def _room(self, observation: Observation) -> Float[Tensor, "b"]:
         """Return how far the robot can drive on before it is too near a teammate or its halt, metres."""
-        now, halt = observation.team_poses[:, self.mates, :2], self.halting(observation)[:, self.mates]
+        now, halt = observation.team_poses[:, self.mates, :2], self.stopping(observation)[:, self.mates]
         ahead, aside = to_frame(observation.pose[:, None], torch.cat([now, halt], 1)).unbind(-1)
         driven = motion(observation)[0][:, self.mates] * CONTROL_PERIOD
         apart = (self.apart.to(driven) + driven).repeat(1, 2)

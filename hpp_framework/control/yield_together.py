@@ -16,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from hpp_framework.config.settings import altered
-from hpp_framework.control.stopping import Halting, motion
+from hpp_framework.control.stopping import StoppingPoints, motion
 from hpp_framework.control.terminal_approach import ends_together, slowed
 from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.robot import RobotSpec
@@ -63,7 +63,7 @@ class YieldTogether(ControlLayer):
         self.config = config or YieldTogetherConfig()
         self.task = task
         self.agent = agent
-        self.halting = Halting(robots)
+        self.stopping = StoppingPoints(robots)
         self.top = torch.tensor([robot.drive.speed[1] for robot in robots])
         self.share = torch.linspace(-1, 1, self.config.choices)[:, None]
         self.useful = task.halts and ends_together(task, len(robots))
@@ -79,7 +79,7 @@ class YieldTogether(ControlLayer):
         """Return the speed in m/s that is enough; infinite where none within one step's reach is."""
         poses = observation.team_poses
         mean, turn = motion(observation)
-        deceleration = self.halting.deceleration.to(poses)
+        deceleration = self.stopping.deceleration.to(poses)
         speed = speeds_now(observation, mean, deceleration)[:, None]
         changed = (speed + self.share.to(poses) * deceleration * CONTROL_PERIOD).clamp(min=0)
         changed = changed.minimum(self.top.to(poses))
@@ -87,7 +87,7 @@ class YieldTogether(ControlLayer):
             changed > 0, (speed + changed) / 2 * CONTROL_PERIOD, speed.square() / (2 * deceleration)
         )
         way = while_changing + changed.square() / (2 * deceleration) - self.config.short
-        halts = poses[:, None, :, :2] + way[..., None] * self.halting.direction(observation, turn)[:, None]
+        halts = poses[:, None, :, :2] + way[..., None] * self.stopping.direction(observation, turn)[:, None]
         met = self.task.success(torch.cat([halts, poses[:, None, :, 2:].expand_as(halts[..., :1])], -1))
         least = met.to(torch.uint8).argmax(1)  # the first of those that are enough
         enough = changed[torch.arange(len(poses)), least, self.agent]

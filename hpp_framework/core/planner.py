@@ -146,8 +146,8 @@ class PlannerContext:
         bounds: (x_min, y_min, x_max, y_max) of the world, metres.
         weights: extra folders searched for predictor weights.
         control: builds the control stack of a robot of the team by its index; for oracles that imagine it.
-        settings: that differ from the preset, by dotted name, e.g. ``{"keep": 0.05}``; a planner that keeps
-            its parameters in a dataclass ``config`` applies them with
+        settings: that differ from the preset, by dotted name, e.g. ``{"hysteresis": 0.05}``; a planner that
+            keeps its parameters in a dataclass ``config`` applies them with
             :func:`hpp_framework.config.settings.altered`. Planners without parameters ignore them.
     """
 

@@ -145,7 +145,7 @@ class TeamEpisode:
         return self.steps >= self.config.max_steps and not self.success
 
     @property
-    def met(self) -> bool:
+    def success_now(self) -> bool:
         """Whether the true poses of those who take part alone fulfil the task now."""
         stage = self._batch.stage
         return bool(stage.task.success(self.state.poses[:, list(stage.present)])[0])

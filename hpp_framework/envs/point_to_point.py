@@ -41,22 +41,22 @@ from hpp_framework.worlds.pool import WorldPool, build_pool
 
 START_GAP = 0.3
 """Smallest gap between two footprints at the start, in metres."""
-GUIDE = 5
-"""Numbers in the observation ``guide`` of a practice."""
+PRIVILEGED = 5
+"""Numbers in the observation ``privileged`` of a practice."""
 
 
-def observation_space(robot: RobotSpec, *, guided: bool = False) -> gym.Space[Any]:
+def observation_space(robot: RobotSpec, *, privileged: bool = False) -> gym.Space[Any]:
     """Return the space of one robot: scan (m), goal (distance m, bearing rad), velocity (m/s, rad/s).
 
     Args:
         robot: the robot.
-        guided: whether there is an entry ``guide`` (see :class:`Practice`).
+        privileged: whether there is an entry ``privileged`` (see :class:`Practice`).
     """
     parts: dict[str, gym.Space[Any]] = {
         "scan": scan_space(robot), "goal": goal_space(), "velocity": command_space(robot)
     }  # fmt: skip
-    if guided:
-        parts["guide"] = gym.spaces.Box(-np.inf, np.inf, (GUIDE,), np.float32)
+    if privileged:
+        parts["privileged"] = gym.spaces.Box(-np.inf, np.inf, (PRIVILEGED,), np.float32)
     return gym.spaces.Dict(parts)
 
 
@@ -126,7 +126,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
         # skills see the present only
         self._batch = EpisodeBatch(self.simulator, disturbances=self.disturbances, history=1, keyframes=0)
-        self.single_observation_space = observation_space(self.robot, guided=practice is not None)
+        self.single_observation_space = observation_space(self.robot, privileged=practice is not None)
         self.single_action_space = unit_space() if unit_actions else command_space(self.robot)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, num_envs)
         self.action_space = gym.vector.utils.batch_space(self.single_action_space, num_envs)
@@ -335,10 +335,10 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
             "velocity": flat([view.velocity for view in views]),
         }
         if self.practice:
-            observation["guide"] = self._guide().reshape(self.num_envs, GUIDE).numpy()
+            observation["privileged"] = self._privileged().reshape(self.num_envs, PRIVILEGED).numpy()
         return observation
 
-    def _guide(self) -> Tensor:
+    def _privileged(self) -> Tensor:
         bearing = self.tasks.direction(self._poses)
         time_left = 1 - self._age / self.problem.max_steps
         assert self._batch.sensing.sensors.intensity is not None

@@ -45,7 +45,7 @@ class PointToPoint:
 class Practice:
     """What is harder in training than in the plain problem, drawn anew with each world.
 
-    Observations get an entry ``guide`` for a critic, which no skill sees: metres to go along the path in
+    Observations get an entry ``privileged`` for a critic, which no skill sees: metres to go along the path in
     tens, cosine and sine of the path's bearing, the share of time left, and the strength of the disturbances.
 
     Attributes:

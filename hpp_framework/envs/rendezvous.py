@@ -174,7 +174,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         Returns:
             Observation, reward (of the true poses, summed over the control steps), whether the task was
             fulfilled for its ``sustain_steps``, whether time ran out, and info: ``goal`` (2,) in world
-            coordinates, control ``steps`` driven, ``met``, ``collided`` (the learner, in any of them); with
+            coordinates, control ``steps`` driven, ``success_now``, ``collided`` (the learner, in any of them); with
             options also the name of the ``option``, and whether it was ``started``.
 
         Raises:
@@ -191,7 +191,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         info: dict[str, Any] = {
             "goal": self._told.goal[0].cpu().numpy().copy(),
             "steps": self.episode.steps - before,
-            "met": self.episode.met,
+            "success_now": self.episode.success_now,
             "collided": collided,
         }
         if option is not None:

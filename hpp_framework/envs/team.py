@@ -211,9 +211,9 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
         return {agent: self.observe(agent) for agent in self.possible_agents}
 
     def _infos(self) -> dict[str, dict[str, Any]]:
-        met, collided = self.episode.met, self.episode.collided
+        now, collided = self.episode.success_now, self.episode.collided
         return {
-            agent: {"met": met, "success": self.episode.success, "collided": bool(collided[i])}
+            agent: {"success_now": now, "success": self.episode.success, "collided": bool(collided[i])}
             for i, agent in enumerate(self.possible_agents)
         }
 

@@ -58,7 +58,7 @@ class Experiment:
 
     Attributes:
         worlds: registered worlds or YAML files.
-        planners: registered meta-planners, with settings of their own or without, e.g. ``"hpp:keep=0.05"``.
+        planners: registered meta-planners, with or without settings, e.g. ``"hpp:hysteresis=0.05"``.
         team: as on the command line, e.g. ``"fetch,freight"``, or a team file.
         control: control stack of all robots, e.g. ``"terminal-approach:near=1.2,safety-filter"``.
         preset: of the planners.

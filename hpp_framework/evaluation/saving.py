@@ -127,5 +127,5 @@ def _save_cell(one: Experiment, files: Mapping[int, Path], progress: Callable[[i
 
 
 def _file_name(name: str) -> str:
-    """Return a name that every file system takes, e.g. ``hpp-keep=0`` for ``hpp:keep=0``."""
+    """Return a name that every file system takes, e.g. ``hpp-hysteresis=0`` for ``hpp:hysteresis=0``."""
     return re.sub(r"[^A-Za-z0-9._=-]+", "-", name).strip("-.")

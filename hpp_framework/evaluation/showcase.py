@@ -165,7 +165,7 @@ def _camera(
         return None
     robots, colors = shown.team.robots, robot_colors(shown.team.robots)
     world = shown.worlds[record.about["episode"]]
-    view = team_view(world, record.poses[0], ways=record.poses, size=size)
+    view = team_view(world, record.poses[0], paths=record.poses, size=size)
     camera = SceneCamera(world, robots, view, size=size)
 
     def picture(poses: Places, goals: Places, people: Places | None, time: float) -> npt.NDArray[np.uint8]:

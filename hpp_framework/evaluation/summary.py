@@ -29,7 +29,7 @@ from hpp_framework.utils.seeding import numpy_rng
 
 ALL = "all"
 """Name of all worlds together."""
-PLANNER, TWIN, PERFECT = "hpp", "full-communication", "perfect-model"
+PLANNER, FULL, PERFECT = "hpp", "full-communication", "perfect-model"
 
 THRESHOLDS = np.linspace(0, 0.95, 20)
 """Of RPL, for performance profiles: 0 counts every success."""
@@ -138,11 +138,11 @@ def _aggregate(results: Results, name: str, worlds: Sequence[str], planner: str)
 
 
 def _price(results: Results, world: str, planner: str) -> float | None:
-    """Return the price of decentralisation: how much longer than the twin, where both succeed."""
-    twin = _named(results.planners, TWIN)
-    if twin is None:
+    """Return the price of decentralisation: how much longer than the oracle, where both succeed."""
+    oracle = _named(results.planners, FULL)
+    if oracle is None:
         return None
-    (own,), (others,) = (results.times((world,), each) for each in (planner, twin))
+    (own,), (others,) = (results.times((world,), each) for each in (planner, oracle))
     return _median((own / others - 1).tolist(), 3)
 
 
@@ -165,12 +165,12 @@ def _comparison(results: Results, name: str, worlds: Sequence[str], other: str) 
 
 def _blame(results: Results) -> list[dict[str, Any]]:
     """Return where success was lost, if the planner and both ceilings ran."""
-    names = [_named(results.planners, name) for name in (PLANNER, TWIN, PERFECT)]
+    names = [_named(results.planners, name) for name in (PLANNER, FULL, PERFECT)]
     if None in names:
         return []
     table: list[dict[str, Any]] = []
     for world, worlds in results.strata():
-        own, twin, perfect = (np.concatenate(results.times(worlds, str(name))) for name in names)
+        own, oracle, perfect = (np.concatenate(results.times(worlds, str(name))) for name in names)
         reached = rate(~np.isnan(perfect))
         table.append(
             {
@@ -178,8 +178,8 @@ def _blame(results: Results) -> list[dict[str, Any]]:
                 "planner": names[0],
                 "episodes": len(own),
                 "success": round(rate(~np.isnan(own)).value, 4),
-                "silence": _difference(twin, own).as_list(),
-                "predictor": _difference(perfect, twin).as_list(),
+                "silence": _difference(oracle, own).as_list(),
+                "predictor": _difference(perfect, oracle).as_list(),
                 "skill": Estimate(1 - reached.value, 1 - reached.high, 1 - reached.low).as_list(),
             }
         )

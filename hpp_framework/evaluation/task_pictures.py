@@ -1,4 +1,4 @@
-"""Pictures of tasks: an episode each from above, with the ways that the robots took.
+"""Pictures of tasks: an episode each from above, with the paths that the robots took.
 
 The picture of the documentation is drawn by::
 

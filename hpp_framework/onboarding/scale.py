@@ -20,7 +20,7 @@ class Scale:
         chunk: trajectories that are simulated and held out together.
         predictor_steps: gradient steps a model.
         batch: samples a gradient step.
-        journeys: navigation tasks per world that each skill is judged by.
+        navigation_tasks: navigation tasks per world that each skill is judged by.
         asked: trajectories that predictors are judged by.
         episodes: that each pair is judged by, a world.
         worlds: that pairs are judged in.
@@ -33,7 +33,7 @@ class Scale:
     chunk: int = 500
     predictor_steps: int = 10_000
     batch: int = 500
-    journeys: int = 300
+    navigation_tasks: int = 300
     asked: int = 100
     episodes: int = 100
     worlds: tuple[str, ...] = ("simple", "wall")
@@ -56,7 +56,7 @@ class Scale:
 SCALES = {
     "smoke": Scale(
         skill_steps=4_000, further_steps=60_000, trajectories=40, trajectory_steps=60, chunk=20,
-        predictor_steps=20, batch=50, journeys=10, asked=5, episodes=5, worlds=("simple",),
+        predictor_steps=20, batch=50, navigation_tasks=10, asked=5, episodes=5, worlds=("simple",),
     ),
     "standard": Scale(),
 }  # fmt: skip
@@ -84,7 +84,7 @@ class Rates:
         rooms: worlds that a skill is trained in, built before it.
         trajectory_steps: control steps of a collected pair.
         predictor_steps: gradient steps of one model, samples of batch 500.
-        journeys: navigation tasks that a skill is judged by.
+        navigation_tasks: navigation tasks that a skill is judged by.
         episodes: of a pair that plans.
         start: seconds that every stage needs whatever its size.
     """
@@ -93,7 +93,7 @@ class Rates:
     rooms: float = 30
     trajectory_steps: float = 50_000
     predictor_steps: float = 40
-    journeys: float = 15
+    navigation_tasks: float = 15
     episodes: float = 8
     start: float = 4.0
 

@@ -220,12 +220,12 @@ def _has_model(onboarding: Onboarding, pair: tuple[str, str], agent: int, subjec
 def _skill_study(onboarding: Onboarding, out: Path, robot: str) -> Stage:
     folder, scale = _folder(out, "skill", robot), onboarding.scale
     study = SkillStudy(
-        skills=(onboarding.skill,), robot=robot, worlds=("training",), episodes=scale.journeys,
+        skills=(onboarding.skill,), robot=robot, worlds=("training",), episodes=scale.navigation_tasks,
         seed=onboarding.seed,
     )  # fmt: skip
     return Stage(
-        f"judge {onboarding.skill} of {robot} by {scale.journeys} navigation tasks",
-        scale.journeys / RATES.journeys + RATES.start,
+        f"judge {onboarding.skill} of {robot} by {scale.navigation_tasks} navigation tasks",
+        scale.navigation_tasks / RATES.navigation_tasks + RATES.start,
         (folder / SUMMARY).is_file,
         lambda report: run_skill_study(study, folder, progress=report),
     )
@@ -239,7 +239,7 @@ def _predictor_study(onboarding: Onboarding, out: Path, pair: tuple[str, str]) -
     )  # fmt: skip
     return Stage(
         f"judge what {' and '.join(pair)} foresee, {scale.asked} trajectories",
-        scale.asked / RATES.journeys + RATES.start,
+        scale.asked / RATES.navigation_tasks + RATES.start,
         (folder / SUMMARY).is_file,
         lambda report: run_predictor_study(study, folder, progress=report),
     )

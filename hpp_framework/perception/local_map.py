@@ -1,8 +1,8 @@
-"""What a robot has seen lately as a chart, and the ways through it from every robot to every goal.
+"""What a robot has seen lately as a local map, and the paths through it from every robot to every goal.
 
-A chart is for one observation of one agent: the points its lidar saw now and in its keyframes, without those
+It is made for one observation of one agent: the points its lidar saw now and in its keyframes, without those
 on other robots, on a grid around the team. What was never seen counts as free. It is built afresh for each
-plan: 12 keyframes of 222 beams are charted faster than a neural network of modest size runs.
+plan: 12 keyframes of 222 beams are mapped faster than a neural network of modest size runs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from torch import Tensor
 from hpp_framework.core.robot import Lidar
 from hpp_framework.core.types import Keyframes
 from hpp_framework.perception import local_map_kernels as chart_kernels
-from hpp_framework.perception.sensing import glimpses, lidar_poses
+from hpp_framework.perception.sensing import lidar_poses, viewpoints
 from hpp_framework.utils.kernels import vectors, wp
 
 RESOLUTION = 0.25
@@ -27,17 +27,17 @@ COMFORT = 0.3
 BLOCKED = 20.0
 """What a metre counts where a robot does not fit; finite, so that every goal has a way."""
 CLEAR = 3.0 * RESOLUTION
-"""Largest clearance that a chart tells, in metres."""
+"""Largest clearance that a local map tells, in metres."""
 BODY = 0.42
 """Points nearer than this to the middle of another robot are on it, in metres."""
 
 
 @dataclass(frozen=True)
-class Chart:
+class LocalMap:
     """Charts of a batch, and the cost of the way from each subject to everywhere.
 
     Attributes:
-        origins: corner of each chart's first cell, world frame, metres.
+        origins: corner of each map's first cell, world frame, metres.
         clearance: distance to the nearest point seen, cells.
         starts: subjects' positions, cells.
         fields: cost of the way from each subject, cells.
@@ -50,7 +50,7 @@ class Chart:
 
 
 @dataclass(frozen=True)
-class ChartedWays:
+class MappedPaths:
     """Ways from each subject to each goal.
 
     Attributes:
@@ -64,7 +64,7 @@ class ChartedWays:
     points: Float[Tensor, "b s g a 2"]
 
 
-def draw_chart(
+def build_local_map(
     lidar: Lidar,
     agent: int,
     team_poses: Float[Tensor, "b n 3"],
@@ -72,8 +72,8 @@ def draw_chart(
     keyframes: Keyframes | None,
     subjects: Float[Tensor, "b s 2"],
     radii: Float[Tensor, "s"],
-) -> Chart:
-    """Chart what an agent has seen, and find the ways of the subjects.
+) -> LocalMap:
+    """Chart what an agent has seen, and find the paths of the subjects.
 
     Args:
         lidar: of the agent.
@@ -81,10 +81,10 @@ def draw_chart(
         team_poses: everybody's present poses, world frame.
         scan: the agent's present scan, metres.
         keyframes: what it remembers, None for nothing.
-        subjects: positions from which ways begin, world frame, metres.
+        subjects: positions from which paths begin, world frame, metres.
         radii: of the subjects' footprints, metres.
     """
-    seen_from = glimpses(team_poses, scan, keyframes)
+    seen_from = viewpoints(team_poses, scan, keyframes)
     poses, scans = seen_from.poses, seen_from.scans
     own = poses[:, :, agent]
     eyes = lidar_poses(lidar, own)
@@ -122,47 +122,47 @@ def draw_chart(
         ],
         device=device,
     )  # fmt: skip
-    return Chart(origins, clearance, starts, fields)
+    return LocalMap(origins, clearance, starts, fields)
 
 
-def charted_ways(chart: Chart, goals: Float[Tensor, "b g 2"], arcs: Float[Tensor, "a"]) -> ChartedWays:
+def mapped_paths(local_map: LocalMap, goals: Float[Tensor, "b g 2"], arcs: Float[Tensor, "a"]) -> MappedPaths:
     """Follow the way from each subject to each goal.
 
     Args:
-        chart: of the batch.
+        local_map: of the batch.
         goals: world frame, metres.
         arcs: lengths from the subject at which points of the way are wanted, metres, increasing.
     """
-    cells = ((goals - chart.origins[:, None]) / RESOLUTION).contiguous()
-    shape = (*chart.starts.shape[:2], goals.shape[1])
+    cells = ((goals - local_map.origins[:, None]) / RESOLUTION).contiguous()
+    shape = (*local_map.starts.shape[:2], goals.shape[1])
     lengths = goals.new_empty(*shape, 2)
     points = goals.new_empty(*shape, len(arcs), 2)
     wp.launch(
         chart_kernels.trace,
         dim=shape,
         inputs=[
-            wp.from_torch(chart.fields), vectors(chart.starts), vectors(cells),
+            wp.from_torch(local_map.fields), vectors(local_map.starts), vectors(cells),
             wp.from_torch((arcs / RESOLUTION).to(goals)), vectors(lengths), vectors(points),
         ],
         device=wp.device_from_torch(goals.device),
     )  # fmt: skip
     metres = lengths * RESOLUTION
-    return ChartedWays(
-        metres[..., 0], metres[..., 1], points * RESOLUTION + chart.origins[:, None, None, None]
+    return MappedPaths(
+        metres[..., 0], metres[..., 1], points * RESOLUTION + local_map.origins[:, None, None, None]
     )
 
 
 def clearance_around(
-    chart: Chart, frames: Float[Tensor, "b s g 3"], grid: Float[Tensor, "p 2"]
+    local_map: LocalMap, frames: Float[Tensor, "b s g 3"], grid: Float[Tensor, "p 2"]
 ) -> Float[Tensor, "b s g p"]:
     """Return the clearance at points placed in frames, as a share of ``CLEAR``.
 
     Args:
-        chart: of the batch.
+        local_map: of the batch.
         frames: world frame.
         grid: points in a frame, metres.
     """
-    origin = torch.nn.functional.pad(chart.origins, (0, 1))[:, None, None]
+    origin = torch.nn.functional.pad(local_map.origins, (0, 1))[:, None, None]
     scale = frames.new_tensor([RESOLUTION, RESOLUTION, 1.0])
     placed = ((frames - origin) / scale).contiguous()
     around = frames.new_empty(*frames.shape[:3], len(grid))
@@ -170,7 +170,7 @@ def clearance_around(
         chart_kernels.look_around,
         dim=frames.shape[:3],
         inputs=[
-            wp.from_torch(chart.clearance), vectors(placed), vectors((grid / RESOLUTION).to(frames)),
+            wp.from_torch(local_map.clearance), vectors(placed), vectors((grid / RESOLUTION).to(frames)),
             CLEAR / RESOLUTION, wp.from_torch(around),
         ],
         device=wp.device_from_torch(frames.device),

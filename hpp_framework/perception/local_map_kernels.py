@@ -1,4 +1,4 @@
-"""Warp kernels that chart what a robot has seen, and find ways through it for every robot and goal."""
+"""Warp kernels that chart what a robot has seen, and find paths through it for every robot and goal."""
 
 import warp as wp
 
@@ -31,7 +31,7 @@ def mark(
     resolution: float,
     seen: wp.array3d(dtype=wp.vec3),
 ):
-    """Sum up the points seen in each cell of one episode's chart.
+    """Sum up the points seen in each cell of one episode's local map.
 
     Points on other robots are left out: they will not stay where they are.
 
@@ -43,7 +43,7 @@ def mark(
         agent: whose lidar it is.
         farthest: range in metres from which a beam hit nothing.
         body: distance in metres from a robot's middle within which points are on it.
-        origins: corner of each chart, world frame.
+        origins: corner of each local map, world frame.
         resolution: metres a cell.
         seen: (episode, row, column): sums of x and y in cells, and count; in and out.
     """
@@ -212,7 +212,7 @@ def downhill(values: wp.array4d(dtype=float), episode: int, robot: int, at: wp.v
 
 @wp.func
 def clamped(at: wp.vec2, rows: int, columns: int) -> wp.vec2:
-    """Return the nearest point on the chart."""
+    """Return the nearest point on the local map."""
     return wp.vec2(wp.clamp(at[0], 0.5, float(columns) - 0.5), wp.clamp(at[1], 0.5, float(rows) - 0.5))
 
 
@@ -311,7 +311,7 @@ def look_around(
         frames: (episode, robot, goal): origin in cells, and heading.
         grid: points in a frame, cells.
         unit: clearance that counts as 1, cells.
-        around: (episode, robot, goal, point), out; 1 outside the chart.
+        around: (episode, robot, goal, point), out; 1 outside the local map.
     """
     episode, robot, g = wp.tid()
     frame = frames[episode, robot, g]

@@ -13,7 +13,7 @@ from torch import Tensor
 from hpp_framework.core import geometry
 from hpp_framework.core.robot import Lidar
 from hpp_framework.core.types import Observation
-from hpp_framework.perception.sensing import BODY, glimpses, lidar_poses
+from hpp_framework.perception.sensing import BODY, lidar_poses, viewpoints
 
 SLACK = 0.3
 """Metres before a surface that do not count as seen through."""
@@ -21,7 +21,7 @@ OCCUPIED = 0.8
 """Where a robot stands is free, and so is this distance around it, in metres."""
 
 
-def in_shadow(
+def occluded(
     observation: Observation, lidar: Lidar, goals: Float[Tensor, "b g 2"], depth: float
 ) -> Bool[Tensor, "b g"]:
     """Return which goals lie behind something seen, by no more than a depth, and were never seen free.
@@ -32,7 +32,7 @@ def in_shadow(
         goals: world coordinates, metres.
         depth: of the shadows, metres.
     """
-    seen_from = glimpses(observation.team_poses, observation.scan, observation.keyframes)
+    seen_from = viewpoints(observation.team_poses, observation.scan, observation.keyframes)
     poses, scans = seen_from.poses, seen_from.scans
     eyes = lidar_poses(lidar, poses[:, :, observation.agent])
     towards = goals[:, None] - eyes[:, :, None, :2]

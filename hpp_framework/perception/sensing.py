@@ -201,7 +201,7 @@ def _push(entries: Tensor, newest: Tensor) -> Tensor:
     return torch.cat([entries[:, 1:], newest[:, None]], 1)
 
 
-def glimpses(
+def viewpoints(
     team_poses: Float[Tensor, "b n 3"], scan: Float[Tensor, "b k"], earlier: Keyframes | None
 ) -> Keyframes:
     """Return what an agent remembers and what it sees now, as one.
@@ -229,7 +229,7 @@ def seen_points(observation: Observation, lidar: Lidar) -> tuple[Float[Tensor, "
         observation: of a robot; its keyframes count too.
         lidar: of the robot.
     """
-    seen_from = glimpses(observation.team_poses, observation.scan, observation.keyframes)
+    seen_from = viewpoints(observation.team_poses, observation.scan, observation.keyframes)
     poses, scans = seen_from.poses, seen_from.scans
     eyes = lidar_poses(lidar, poses[:, :, observation.agent])
     bearing = eyes[..., 2:] + torch.from_numpy(lidar.angles()).to(eyes)

@@ -8,8 +8,9 @@ the agent's skill; one model predicts them for all.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -39,14 +40,16 @@ class OptionsConfig:
     Attributes:
         skills: registered skills to choose among, separated by commas.
         predictors: registered motion model of each, in the same order; the first predicts the others too.
-        keep: the skill is kept while no other scores better by more than this (in units of reward).
+        hysteresis: the skill is kept while no other scores better by more than this (in units of reward).
         budget: control steps after which a skill has to be chosen anew.
         lattice: how goals are chosen; its predictor is not used.
     """
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"keep": "hysteresis"}
+
     skills: str = "p2p,pure-pursuit"
     predictors: str = "far-sighted,empty-world"
-    keep: NonNegative = 0.1
+    hysteresis: NonNegative = 0.1
     budget: Count = BUDGET
     lattice: LatticeConfig = LatticeConfig()
 
@@ -138,7 +141,7 @@ class OptionsPlanner(MetaPlanner):
 
     @torch.no_grad()
     def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
-        """Return the goal of the best pair; the pair before is favoured by ``keep`` until it is over."""
+        """Return the goal of the best pair; ``hysteresis`` favours the pair before until it is over."""
         before = belief if isinstance(belief, OptionsBelief) else None
         parts = before.parts if before else (None,) * len(self.planners)
         plans = [
@@ -149,7 +152,7 @@ class OptionsPlanner(MetaPlanner):
         steps = torch.zeros(len(goals), dtype=torch.long, device=goals.device)
         if before is not None and before.choice is not None and before.steps is not None:
             steps = before.steps + self.plan_every
-            scores = scores + self.config.keep * self._going_on(observation, before, steps)
+            scores = scores + self.config.hysteresis * self._going_on(observation, before, steps)
         may = [o.may_start(observation, goals[:, k]) for k, o in enumerate(self.options)]
         scores = torch.where(torch.stack(may, 1), scores, -torch.inf)
         choice = torch.where(scores.isneginf().all(1), -1, scores.argmax(1))

@@ -19,7 +19,7 @@ WORLDS: Table = (
     ("varied", "generators.varied:varied", "training, mixed or walls: what predictors are trained in"),
     ("crowd", "generators.crowds:crowd", "an open hall where people walk (people=5)"),
     ("corridor-crowd", "generators.crowds:corridor_crowd", "wide corridors where people walk (people=5)"),
-    ("maze", "generators.maze:maze", "a maze with many ways (held out: for reports only)"),
+    ("maze", "generators.maze:maze", "a maze with many paths (held out: for reports only)"),
     ("u-trap", "generators.held_out:u_trap", "a dead end between the robots (held out: for reports only)"),
     (
         "two-doors",
@@ -116,7 +116,7 @@ PREDICTORS: Table = (
         "delta_general_pose_lidar",
         "the paper's ablation: next pose seen from the agent, and next scan",
     ),
-    ("far-sighted", "far_sighted", "positions 1 to 15 s ahead, along ways through what was seen"),
+    ("far-sighted", "far_sighted", "positions 1 to 15 s ahead, along paths through what was seen"),
     ("constant-velocity", "constant_velocity", "everybody goes on as now; needs no weights"),
     ("empty-world", "empty_world", "everybody's own skill with nothing in the way; needs no weights"),
 )

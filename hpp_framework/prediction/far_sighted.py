@@ -1,7 +1,7 @@
-"""A motion model that looks far: positions 1 to 15 s ahead, directly, along ways through what was seen.
+"""A motion model that looks far: positions 1 to 15 s ahead, directly, along paths through what was seen.
 
 A robot that is told a goal goes there around what stands in its way. So the model first finds that way
-itself, on a chart of everything that the *predicting* agent saw in the last seconds, and a network then says
+itself, on a local map of all that the *predicting* agent saw in the last seconds, and a network then says
 how the robot's motion differs from going along it at a steady speed, and how sure that is. Everything is
 expressed in the frame that has its origin at the predicted robot and its x axis towards the goal, so that
 one experience serves every direction.
@@ -22,7 +22,7 @@ from hpp_framework.core.predictor import Imagine, Predictor, PredictorRequest, P
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, Trajectories
-from hpp_framework.perception.local_map import Chart, charted_ways, clearance_around, draw_chart
+from hpp_framework.perception.local_map import LocalMap, build_local_map, clearance_around, mapped_paths
 from hpp_framework.perception.sensing import HISTORY, KEYFRAMES
 from hpp_framework.prediction.dataset import Batch, Prepared, collected_team
 from hpp_framework.prediction.library import find_members, load_models
@@ -56,7 +56,7 @@ LARGEST_STD = 5.0
 DOUBT_WEIGHT = 0.1
 """Weight of the likelihood, which trains the standard deviation only, beside the distance."""
 DISTINCT = 800
-"""Batches that a training charts: finding ways takes longer than a gradient step."""
+"""Batches that a training charts: finding paths takes longer than a gradient step."""
 
 
 class FarSightedNetwork(nn.Module):
@@ -108,7 +108,7 @@ class FarSightedNetwork(nn.Module):
 
 
 def describe(
-    chart: Chart,
+    local_map: LocalMap,
     agent_poses: Float[Tensor, "b h 3"],
     subject_poses: Float[Tensor, "b s h 3"],
     goals: Float[Tensor, "b g 2"],
@@ -116,7 +116,7 @@ def describe(
     """Return what the network is told of every subject and goal.
 
     Args:
-        chart: of what the agent saw, with the ways of the subjects.
+        local_map: of what the agent saw, with the paths of the subjects.
         agent_poses: its history.
         subject_poses: their histories.
         goals: world frame, metres.
@@ -130,10 +130,10 @@ def describe(
     heading = torch.atan2(towards[..., 1], towards[..., 0])
     frame = torch.cat([now[:, :, None].expand_as(towards), heading[..., None]], -1)
     arcs = torch.tensor(OFFSETS) * (CONTROL_PERIOD * SPEED)
-    ways = charted_ways(chart, goals, arcs)
-    points = geometry.to_frame(frame[..., None, :], ways.points) / 5
+    paths = mapped_paths(local_map, goals, arcs)
+    points = geometry.to_frame(frame[..., None, :], paths.points) / 5
     straight = distance[..., None]
-    length, cost = ways.lengths[..., None], ways.costs[..., None]
+    length, cost = paths.lengths[..., None], paths.costs[..., None]
     way = [
         points.flatten(3),
         (length / 10).clamp(max=2), ((length - straight) / 5).clamp(-1, 2),
@@ -141,9 +141,9 @@ def describe(
         1 / (1 + length), (length / (straight + 0.3)).clamp(max=5),
     ]  # fmt: skip
     grid = torch.cartesian_prod(torch.tensor(ALONG), torch.tensor(ACROSS))
-    near = clearance_around(chart, frame, grid)
+    near = clearance_around(local_map, frame, grid)
     motion = _motion(agent_poses, subject_poses, frame, straight)
-    return torch.cat([near, *way, *motion], -1), ways.points, heading
+    return torch.cat([near, *way, *motion], -1), paths.points, heading
 
 
 def _motion(
@@ -196,7 +196,7 @@ class FarSighted(Predictor):
                 f"{KIND} predicts 1 to {len(OFFSETS)} steps of a second, but the horizon is {horizon}."
             )
         team = observation.team_poses
-        chart = draw_chart(
+        local_map = build_local_map(
             self.models[0].lidar, observation.agent, team, observation.scan, observation.keyframes,
             team[..., :2], self.radii,
         )  # fmt: skip
@@ -204,7 +204,7 @@ class FarSighted(Predictor):
 
         @torch.no_grad()
         def imagine(goals: Float[Tensor, "b g 2"]) -> Trajectories:
-            features, steady, heading = describe(chart, own, everybody, goals)
+            features, steady, heading = describe(local_map, own, everybody, goals)
             guesses = [
                 in_blocks(model, observation.scan, features[:, i], steady[:, i], heading[:, i], rows=1)
                 for i, model in enumerate(self.models)
@@ -229,11 +229,11 @@ def train(config: PredictorTraining) -> Path:
     agent, subject = find_members(team, config.agent, config.subject)
 
     def prepare(batch: Batch) -> Prepared:
-        chart = draw_chart(
+        local_map = build_local_map(
             agent.robot.lidar, config.agent, batch.team_poses, batch.scans[:, -1], batch.keyframes,
             batch.subject_poses[:, -1:, :2], torch.tensor([subject.robot.footprint_radius]),
         )  # fmt: skip
-        told = describe(chart, batch.agent_poses, batch.subject_poses[:, None], batch.goals[:, None])
+        told = describe(local_map, batch.agent_poses, batch.subject_poses[:, None], batch.goals[:, None])
         features, steady, heading = (each[:, 0] for each in told)
         return features.half(), steady, heading
 
@@ -257,7 +257,7 @@ def _missed(model: nn.Module, batch: Batch) -> tuple[Float[Tensor, "b t"], Float
 
 
 def _loss(model: nn.Module, batch: Batch) -> Tensor:
-    """Train positions on a Huber-like loss, so that one detour does not outweigh many straight ways.
+    """Train positions on a Huber-like loss, so that one detour does not outweigh many straight paths.
 
     The standard deviation is trained on the likelihood of what positions miss, which leaves them alone.
     """

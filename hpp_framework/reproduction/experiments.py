@@ -37,8 +37,9 @@ SAMPLING = (
     "hpp:cem.elites=15",
 )  # fmt: skip
 SWITCHES = (
-    BEST, "hpp:respond=false", "hpp:mixture=false", "hpp:evidence=0",
-    "hpp:shadow=0", "hpp:patience=0", "hpp:doubt=0", "hpp:keep=0.4", "hpp:terminal=0", "hpp:shared=false",
+    BEST, "hpp:respond=false", "hpp:mixture=false", "hpp:likelihood_weight=0",
+    "hpp:occlusion_penalty=0", "hpp:patience=0", "hpp:uncertainty_penalty=0",
+    "hpp:hysteresis=0.4", "hpp:terminal=0", "hpp:shared=false",
     "hpp:horizon=5",
 )  # fmt: skip
 SWITCHED_WORLDS = ("wall", "navigation", "real-roundabout")

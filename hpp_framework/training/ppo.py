@@ -65,19 +65,19 @@ class PpoConfig:
 
 
 class _Extractor(BaseFeaturesExtractor):
-    """Puts a skill's own encoder where Stable-Baselines3 wants a features extractor; the guide comes last."""
+    """Puts a skill's own encoder where Stable-Baselines3 wants an extractor; privileged entries come last."""
 
     def __init__(
         self, observation_space: spaces.Space[Any], encoder: Callable[[], nn.Module], width: int
     ) -> None:
         assert isinstance(observation_space, spaces.Dict)
-        guide = observation_space.spaces.get("guide")
-        super().__init__(observation_space, width + (guide.shape[0] if guide and guide.shape else 0))
+        extra = observation_space.spaces.get("privileged")
+        super().__init__(observation_space, width + (extra.shape[0] if extra and extra.shape else 0))
         self.encoder = encoder()
 
     def forward(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
         seen = self.encoder(observations["scan"], observations["goal"], observations["velocity"])
-        return torch.cat([seen, observations["guide"]], 1) if "guide" in observations else seen
+        return torch.cat([seen, observations["privileged"]], 1) if "privileged" in observations else seen
 
 
 class _Heads(nn.Module):
@@ -108,7 +108,7 @@ def _layers(width: int, hidden: Sequence[int]) -> tuple[nn.Sequential, int]:
 
 
 class _Policy(MultiInputActorCriticPolicy):
-    """An actor that sees what the robot sees, beside a critic that is guided (Pinto et al. 2018)."""
+    """An actor that sees what the robot sees, beside a critic that sees more (Pinto et al. 2018)."""
 
     def _build_mlp_extractor(self) -> None:
         width: int = self.features_extractor_kwargs["width"]

@@ -16,7 +16,7 @@ FEWEST = 32
 """Episodes a slice, at least: handing one over takes about as long as ten episodes."""
 
 
-class Crew:
+class ThreadPool:
     """Runs lists of jobs on several threads; the jobs must release Python's lock, as Warp's launches do.
 
     Args:

@@ -89,22 +89,22 @@ def imagined(plan: Plan, start: Float[Floats, "n 2"]) -> tuple[Floats, Floats] |
 def _decision(record: EpisodeRecord, number: int, before: Plan | None, plan: Plan) -> Decision:
     moved = 0.0 if before is None else float(np.linalg.norm(plan.goal - before.goal))
     kind = "first" if before is None else "kept" if moved < SAME_GOAL else "changed"
-    keep = _keep(record.about)
+    hysteresis = _hysteresis(record.about)
     return Decision(
         agent=number, plan=plan, time=plan.step * record.period, kind=kind, moved=moved,
-        why=_why(plan, before, kind, moved, keep), top=tuple(plan.order()[:TOP]),
+        why=_why(plan, before, kind, moved, hysteresis), top=tuple(plan.order()[:TOP]),
         errors=_errors(record, number, plan), disagreement=goal_disagreement(record, plan.step),
     )  # fmt: skip
 
 
-def _keep(about: Mapping[str, Any]) -> float | None:
+def _hysteresis(about: Mapping[str, Any]) -> float | None:
     """Return by how much another goal must be better, if the planner says so."""
     settings = about.get("planner_config")
-    keep = settings.get("keep") if isinstance(settings, dict) else None
-    return keep if isinstance(keep, int | float) and not isinstance(keep, bool) else None
+    hysteresis = settings.get("hysteresis") if isinstance(settings, dict) else None
+    return hysteresis if isinstance(hysteresis, int | float) and not isinstance(hysteresis, bool) else None
 
 
-def _why(plan: Plan, before: Plan | None, kind: str, moved: float, keep: float | None) -> str:
+def _why(plan: Plan, before: Plan | None, kind: str, moved: float, hysteresis: float | None) -> str:
     order, chosen = plan.order(), plan.chosen()
     if chosen is None or not order:
         return {"first": "a rule sets the goal", "kept": "the rule's goal has not moved"}.get(
@@ -118,7 +118,7 @@ def _why(plan: Plan, before: Plan | None, kind: str, moved: float, keep: float |
         own = f"the best of {len(order)} candidates"
     else:
         own = f"the best of {len(order)} candidates scores only {gap:.2f} better"
-        own += f", {keep:g} would be needed" if keep is not None and kind == "kept" else ""
+        own += f", {hysteresis:g} would be needed" if hysteresis is not None and kind == "kept" else ""
     if kind != "changed" or before is None:
         return own
     return f"{own}; moved by {moved:.2f} m, {_old_score(plan, before, score)}"

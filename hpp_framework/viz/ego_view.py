@@ -16,7 +16,7 @@ SHOWN = 6
 """Candidates whose imagined motion is drawn pale, beside the chosen one's."""
 
 
-class Mind:
+class EgoView:
     """Draws the view of one agent of an episode.
 
     Obstacles are a hint for the viewer: the agent knows its scan only. Its own imagined motion is solid, that

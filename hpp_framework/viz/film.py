@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hpp_framework.viz.decisions import Decision, decisions, goal_disagreement
-from hpp_framework.viz.ego_view import Mind
+from hpp_framework.viz.ego_view import EgoView
 from hpp_framework.viz.lettering import PAPER, legend, strip, strip_height
 from hpp_framework.viz.marks import robot_colors
 from hpp_framework.viz.record import EpisodeRecord
@@ -56,7 +56,7 @@ def frames(record: EpisodeRecord, make_camera: CameraMaker = lambda _: None) -> 
     frame: Frame | None = None
     last = len(record.poses) - 1
     for step in range(last + 1):
-        stills = [mind.still(step) for mind in film.minds]
+        stills = [ego.still(step) for ego in film.views]
         for part in range(FRAMES_PER_STEP if step < last else 1):
             frame = film.frame(step, part / FRAMES_PER_STEP, stills)
             yield frame
@@ -78,7 +78,7 @@ class _Film:
         self.columns, self.rows = _grid(shown)
         width = min(MINDS_WIDTH, HEIGHT * self.columns) // self.columns
         height = HEIGHT // self.rows - strip_height(CAPTION_LINES)
-        self.minds = [Mind(record, i, size=(width, height), view=self.view) for i in range(shown)]
+        self.views = [EgoView(record, i, size=(width, height), view=self.view) for i in range(shown)]
         spare = shown < self.columns * self.rows
         self.above = (
             TopDown(record.ground, record.robots, size=(width, height), view=self.view) if spare else None
@@ -90,7 +90,8 @@ class _Film:
     def frame(self, step: int, share: float, stills: list[Frame]) -> Frame:
         """Draw one moment between a step and the next."""
         poses = _between(self.record.poses, step, share)
-        tiles = [self._mind(mind, still, step, share) for mind, still in zip(self.minds, stills, strict=True)]
+        pairs = zip(self.views, stills, strict=True)
+        tiles = [self._ego_view(ego, still, step, share) for ego, still in pairs]
         tiles += [self._spare(poses, step, share, tiles[0])] * (self.columns * self.rows - len(tiles))
         rows = [np.hstack(tiles[r * self.columns : (r + 1) * self.columns]) for r in range(self.rows)]
         picture = np.hstack([self._shared(poses, step, share), np.vstack(rows)])
@@ -134,23 +135,23 @@ class _Film:
             lines.append("")
         if step == len(self.record.poses) - 1:
             lines[1] += ": met" if about["success"] else ": out of time"
-        hidden = len(self.record.agents) - len(self.minds)
+        hidden = len(self.record.agents) - len(self.views)
         lines[0] += f"    ({hidden} more robots not shown at the right)" if hidden else ""
         return lines
 
-    def _mind(self, mind: Mind, still: Frame, step: int, share: float) -> Frame:
-        image = mind.frame(still, _between(mind.own.seen, step, share), step)
-        lines = self._mind_lines(mind, step)
+    def _ego_view(self, ego: EgoView, still: Frame, step: int, share: float) -> Frame:
+        image = ego.frame(still, _between(ego.own.seen, step, share), step)
+        lines = self._ego_lines(ego, step)
         image[:, :BORDER] = image[:, -BORDER:] = PAPER
-        return np.vstack([strip(image.shape[1], lines, self.colors[mind.agent]), image])
+        return np.vstack([strip(image.shape[1], lines, self.colors[ego.agent]), image])
 
-    def _mind_lines(self, mind: Mind, step: int) -> list[str]:
-        plan = mind.own.plan_at(step)
-        decision = self.decided.get((mind.agent, plan.step)) if plan is not None else None
+    def _ego_lines(self, ego: EgoView, step: int) -> list[str]:
+        plan = ego.own.plan_at(step)
+        decision = self.decided.get((ego.agent, plan.step)) if plan is not None else None
         if decision is None:
-            return [f"{mind.own.id}: has no goal yet", ""]
-        deed = "stands" if mind.own.resting[step] else _deed(decision)
-        return [f"{mind.own.id} {deed}", _scores(decision)]
+            return [f"{ego.own.id}: has no goal yet", ""]
+        deed = "stands" if ego.own.resting[step] else _deed(decision)
+        return [f"{ego.own.id} {deed}", _scores(decision)]
 
 
 def _deed(decision: Decision) -> str:

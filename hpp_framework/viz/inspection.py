@@ -17,7 +17,7 @@ from hpp_framework.utils.run_folder import write_bytes
 from hpp_framework.viz import marks
 from hpp_framework.viz.backdrop import INK, Image
 from hpp_framework.viz.decisions import HORIZONS, Decision, imagined
-from hpp_framework.viz.ego_view import Mind
+from hpp_framework.viz.ego_view import EgoView
 from hpp_framework.viz.lettering import FONT, legend, strip
 from hpp_framework.viz.record import EpisodeRecord
 from hpp_framework.viz.topdown import TopDown, close_view
@@ -65,7 +65,7 @@ class Inspection:
         self.record = record
         self.found = list(found)
         view, size = close_view(record.ground, record.poses, AROUND, record.goals()), (SIDE, SIDE)
-        self.minds = [Mind(record, i, size=size, view=view) for i in range(len(record.agents))]
+        self.views = [EgoView(record, i, size=size, view=view) for i in range(len(record.agents))]
         self.truth = TopDown(record.ground, record.robots, size=size, view=view)
 
     def picture(self, number: int) -> Image:
@@ -79,17 +79,17 @@ class Inspection:
         """
         decision = self.found[number]
         gap = np.full((SIDE, 4, 3), 255, np.uint8)
-        maps = np.hstack([self._mind(decision), gap, self._truth(decision)])
+        maps = np.hstack([self._ego_view(decision), gap, self._truth(decision)])
         width = maps.shape[1]
         color = self.truth.colors[decision.agent]
         head = strip(width, self._head(number, decision), color)
         return np.vstack([head, maps, legend(width), strip(width, self._foot(decision))])
 
-    def _mind(self, decision: Decision) -> Image:
-        mind, plan = self.minds[decision.agent], decision.plan
-        image = mind.frame(mind.still(plan.step), mind.own.seen[plan.step], plan.step)
-        mind.canvas.label(image, "what it saw and weighed", (12, 12), INK)
-        corners = mind.canvas.pixels(plan.candidates[list(decision.top)]) >> mind.canvas.SHIFT
+    def _ego_view(self, decision: Decision) -> Image:
+        ego, plan = self.views[decision.agent], decision.plan
+        image = ego.frame(ego.still(plan.step), ego.own.seen[plan.step], plan.step)
+        ego.canvas.label(image, "what it saw and weighed", (12, 12), INK)
+        corners = ego.canvas.pixels(plan.candidates[list(decision.top)]) >> ego.canvas.SHIFT
         for rank, (x, y) in enumerate(corners.tolist(), start=1):
             if 0 <= x < SIDE - 30 and 20 < y < SIDE:
                 for ink, stroke in ((marks.WHITE, 4), (INK, 1)):
@@ -117,7 +117,7 @@ class Inspection:
         return image
 
     def _compare(self, image: Image, decision: Decision) -> None:
-        """Draw the imagined ways, and a line from imagined to true place at each horizon."""
+        """Draw the imagined paths, and a line from imagined to true place at each horizon."""
         record, plan, canvas = self.record, decision.plan, self.truth.canvas
         ahead = imagined(plan, record.agents[decision.agent].seen[plan.step, :, :2])
         if ahead is None:

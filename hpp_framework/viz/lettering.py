@@ -69,14 +69,14 @@ def strip(width: int, lines: Sequence[str], color: Color | None = None) -> Image
 
 
 def legend(width: int) -> Image:
-    """Return a strip that explains the pictures of :class:`~hpp_framework.viz.ego_view.Mind`."""
+    """Return a strip that explains the pictures of :class:`~hpp_framework.viz.ego_view.EgoView`."""
     image = np.full((LEGEND_HEIGHT, width, 3), PAPER, np.uint8)
     middle, x = LEGEND_HEIGHT // 2, 14
     step = width / 5
     bar = marks.score_colors(np.linspace(0, 1, 110))
     image[middle - 6 : middle + 6, x : x + 110] = bar
     x += 118
-    entries = ("goal", "belief (2 sd)", "own way, imagined", "others' ways, imagined")
+    entries = ("goal", "belief (2 sd)", "own path, imagined", "others' paths, imagined")
     x += (
         write(
             image,

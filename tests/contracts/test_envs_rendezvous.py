@@ -38,7 +38,7 @@ def test_centralised_midpoint_meets_in_an_empty_room(straight_team):
             break
     assert terminated
     assert not truncated
-    assert info["met"]
+    assert info["success_now"]
     with pytest.raises(SimulatorError, match="reset"):
         env.step(np.zeros(2))
 
@@ -52,7 +52,7 @@ def test_truncates_after_a_hundred_control_steps(straight_team):
         steps.append(info["steps"])
         assert not terminated
     assert steps == [30, 30, 30, 10]
-    assert not info["met"]
+    assert not info["success_now"]
 
 
 def test_action_is_an_offset_from_the_midpoint_in_the_world_frame(straight_team):
@@ -230,7 +230,7 @@ def test_runs_with_the_shipped_skills(learner):
     for _ in range(10):
         observation, _, terminated, truncated, info = env.step(np.zeros(2))
         assert env.observation_space.contains(observation)
-        met.append(info["met"])
+        met.append(info["success_now"])
         if terminated or truncated:
             break
     assert all(met[3:])

@@ -78,7 +78,7 @@ def test_terminates_once_the_task_is_sustained():
     env.reset(seed=0, options={"poses": [[-side - 0.01, 0, 0], [side + 0.01, 0, math.pi]]})
     for step in range(1, env.episode.task.sustain_steps + 1):
         _, rewards, terminated, truncated, infos = env.step(REST)
-        assert infos["fetch"]["met"]
+        assert infos["fetch"]["success_now"]
         assert rewards["fetch"] == 0
         over = step == env.episode.task.sustain_steps
         assert terminated == {"fetch": over, "freight": over}

@@ -200,7 +200,8 @@ def test_a_lone_robot_has_nothing_to_talk_about(play, straight_team):
     world = training(numpy_rng(2, "alone"))
     start = torch.from_numpy(spawn_poses(world, team.robots, numpy_rng(2, "alone"))).float()[None]
     alone = hub().tasks.create("rendezvous", team.robots)
-    settings = {"predictor": "constant-velocity", "horizon": 5, "reach": 1.0, "evidence": 0, "respond": False}
+    settings = {"predictor": "constant-velocity", "horizon": 5, "reach": 1.0, "likelihood_weight": 0}
+    settings["respond"] = False
     goals = []
     for name in ("hpp", "full-communication"):
         config = AgentConfig(planner=name, settings=settings)

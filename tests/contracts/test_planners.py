@@ -212,7 +212,7 @@ def test_lattice_is_the_same_for_all(team, sensed):
 
 def test_a_good_goal_is_kept(team, sensed):
     task = hub().tasks.create("rendezvous", team.robots)
-    planner = LatticePlanner(Arrives(), task, LatticeConfig(evidence=0.0))
+    planner = LatticePlanner(Arrives(), task, LatticeConfig(likelihood_weight=0.0))
     first = planner.plan(sensed.observe(0), None, rng())
     again = planner.plan(sensed.observe(0), first.belief, rng())
     assert torch.equal(first.goal, again.goal)
@@ -235,7 +235,7 @@ class Walks(Predictor):
 def north_and_south(sensed, **config):
     """Plan twice around a robot that walks north while its mate does, or the mate alone walks south."""
     task = hub().tasks.create("rendezvous", parse_team("fetch,freight").robots)
-    planner = LatticePlanner(Walks(), task, LatticeConfig(keep=0.0, **config))
+    planner = LatticePlanner(Walks(), task, LatticeConfig(hysteresis=0.0, **config))
     poses = torch.zeros(4, 5, 2, 3)
     poses[..., 0, 0], poses[..., 1, 0] = -0.4, 0.4
     before = replace(sensed.observe(0), poses=poses, keyframes=None)
@@ -251,22 +251,22 @@ def north_and_south(sensed, **config):
 
 def test_motion_is_evidence_of_goals(team, sensed):
     """A robot that sees all walk north wants to meet in the north, though all goals score alike."""
-    goal = north_and_south(sensed, evidence=10.0, respond=False)(1.0, 1.0)
+    goal = north_and_south(sensed, likelihood_weight=10.0, respond=False)(1.0, 1.0)
     assert (goal[:, 1] > 1.5).all()
     assert (goal[:, 0].abs() < 1.0).all()
 
 
 def test_a_response_follows_the_others_and_not_oneself(team, sensed):
     """Having walked north alone is no reason to go on while the mate walks south."""
-    goal = north_and_south(sensed, evidence=10.0)(1.0, -1.0)
+    goal = north_and_south(sensed, likelihood_weight=10.0)(1.0, -1.0)
     assert (goal[:, 1] < 0.0).all()
 
 
 def test_shadows_cost_the_more_the_longer_a_team_has_not_met(team, sensed):
     task = hub().tasks.create("rendezvous", team.robots)
-    config = LatticeConfig(shadow=8.0, patience=10.0, respond=False, evidence=0.0)
+    config = LatticeConfig(occlusion_penalty=8.0, patience=10.0, respond=False, likelihood_weight=0.0)
     planner = LatticePlanner(Walks(), task, config, team.robots[0].lidar)
-    without = LatticePlanner(Walks(), task, replace(config, shadow=0.0), team.robots[0].lidar)
+    without = LatticePlanner(Walks(), task, replace(config, occlusion_penalty=0.0), team.robots[0].lidar)
     seen = sensed.observe(0)
     belief = planner.plan(seen, None, rng()).belief
 
@@ -313,9 +313,11 @@ def test_random_point_is_shared_and_fixed(team, sensed):
     ("name", "value"),
     [
         ("spacing", 0.0), ("reach", -1.0), ("surprise", 0.0), ("temperature", 0.0), ("spacing", float("nan")),
-        ("shadow", -1.0), ("shadow_depth", 0.0), ("patience", -1.0),
-        ("horizon", 0), ("plan_every", 0), ("memory", 1.1), ("memory", -0.1), ("keep", -0.1),
-        ("evidence", -1.0), ("reach", float("inf")), ("terminal", 1.1), ("doubt", -0.1), ("hypotheses", 0),
+        ("occlusion_penalty", -1.0), ("occlusion_depth", 0.0), ("patience", -1.0),
+        ("horizon", 0), ("plan_every", 0), ("forgetting_factor", 1.1), ("forgetting_factor", -0.1),
+        ("hysteresis", -0.1),
+        ("likelihood_weight", -1.0), ("reach", float("inf")), ("terminal", 1.1),
+        ("uncertainty_penalty", -0.1), ("hypotheses", 0),
     ],
 )  # fmt: skip
 def test_unusable_parameters_of_the_lattice_are_refused(name, value):

@@ -18,7 +18,7 @@ from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError
 
-TINY = Experiment(worlds=("simple",), planners=("hpp:predictor=constant-velocity:keep=0",), episodes=1)
+TINY = Experiment(worlds=("simple",), planners=("hpp:predictor=constant-velocity:hysteresis=0",), episodes=1)
 
 
 @pytest.fixture
@@ -57,10 +57,10 @@ def test_values_are_read_as_numbers_truth_or_text():
 
 
 def test_planners_have_settings_of_their_own_before_those_of_all(context):
-    planner = make_planner("hpp:horizon=3:keep=0", context)
+    planner = make_planner("hpp:horizon=3:hysteresis=0", context)
     found = parameters(planner)
     assert found is not None
-    assert (found["predictor"], found["horizon"], found["keep"]) == ("constant-velocity", 3, 0.0)
+    assert (found["predictor"], found["horizon"], found["hysteresis"]) == ("constant-velocity", 3, 0.0)
     assert parameters(make_planner("centralized-rp", context)) is None
 
 
@@ -75,19 +75,24 @@ def test_settings_that_are_control_layers_now_are_named(moved):
         parse_planner(f"centralized-mp:{moved}=false")
 
 
+def test_settings_that_have_another_name_now_are_named(context):
+    with pytest.raises(ConfigError, match="'keep' is unknown. It is now called 'hysteresis'"):
+        make_planner("hpp:keep=0.1", context)
+
+
 def test_policies_are_named_like_planners(context, register):
     assert parse_planner("maddpg").is_policy
     assert not parse_planner("hpp").is_policy
     with pytest.raises(ConfigError, match="'maddpg' has no settings"):
-        make_policy("maddpg:keep=1", replace(context, team=parse_team("fetch,freight")))
+        make_policy("maddpg:hysteresis=1", replace(context, team=parse_team("fetch,freight")))
 
 
 def test_settings_of_a_planner_without_parameters_are_refused(context, tmp_path):
     with pytest.raises(ConfigError, match="'centralized-rp' has no settings"):
-        make_planner("centralized-rp:keep=1", context)
+        make_planner("centralized-rp:hysteresis=1", context)
     for planner, message in (("centralized-rp", "has no settings"), ("centralized-mp", "is no setting of")):
         with pytest.raises(ConfigError, match=message):
-            run_experiment(replace(TINY, planners=(planner,), settings={"keep": 1}), tmp_path)
+            run_experiment(replace(TINY, planners=(planner,), settings={"hysteresis": 1}), tmp_path)
 
 
 def test_settings_of_all_planners_reach_those_that_have_them(context):

@@ -117,7 +117,7 @@ def test_the_view_holds_the_whole_team():
         view = team_view(WALL, poses)
         assert view.eye[2] > 3.0
         assert np.linalg.norm(view.eye) < 25.0
-    ways = torch.tensor([[-2.5, 0.0], [-2.0, 5.5], [2.5, 5.5]])
-    assert team_view(WALL, START[0], ways=ways).eye[2] > team_view(WALL, START[0]).eye[2]
+    paths = torch.tensor([[-2.5, 0.0], [-2.0, 5.5], [2.5, 5.5]])
+    assert team_view(WALL, START[0], paths=paths).eye[2] > team_view(WALL, START[0]).eye[2]
     with pytest.raises(ConfigError, match=r"at least 1 pixel"):
         SceneCamera(WALL, robots(), view, size=(0, 10))

@@ -11,7 +11,7 @@ import torch
 from hpp_framework.core.types import State
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import SimulatorError
-from hpp_framework.utils.thread_pool import FEWEST, Crew
+from hpp_framework.utils.thread_pool import FEWEST, ThreadPool
 
 EPISODES = 5 * FEWEST + 3
 
@@ -61,7 +61,7 @@ def test_threads_are_positive(pair, threads):
 
 @pytest.mark.parametrize("size", [1, FEWEST, 1000])
 def test_slices_cover_everything_once(size):
-    slices = Crew(3).slices(size)
+    slices = ThreadPool(3).slices(size)
     assert [index for start, stop in slices for index in range(start, stop)] == list(range(size))
 
 
@@ -69,8 +69,8 @@ def test_an_error_in_a_helping_thread_is_raised():
     def fail() -> None:
         raise ValueError("broken")
 
-    crew = Crew(2)
+    threads = ThreadPool(2)
     with pytest.raises(ValueError, match="broken"):
-        crew.run([fail, fail])
-    crew.close()
-    crew.close()
+        threads.run([fail, fail])
+    threads.close()
+    threads.close()

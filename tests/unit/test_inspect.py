@@ -70,7 +70,7 @@ def test_decisions_come_by_time_and_say_what_changed(pair):
     told = record(
         pair, plan(0, (0.0, 0.0)), plan(5, (0.0, 0.0), (2.95, 3.0, 1.0)),
         plan(10, (1.0, 0.0), (2.0, 3.0, 1.0)),
-        about={"planner_config": {"keep": 0.1}},
+        about={"planner_config": {"hysteresis": 0.1}},
     )  # fmt: skip
     found = decisions(told)
     assert [(d.plan.step, d.agent) for d in found] == [(0, 0), (0, 1), (5, 0), (5, 1), (10, 0), (10, 1)]

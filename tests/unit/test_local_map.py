@@ -1,4 +1,4 @@
-"""Charts of what a robot saw, and the ways through them."""
+"""Charts of what a robot saw, and the paths through them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hpp_framework.perception.local_map import (
     CELLS,
     CLEAR,
     RESOLUTION,
-    charted_ways,
+    build_local_map,
     clearance_around,
-    draw_chart,
+    mapped_paths,
 )
 from hpp_framework.sim.batch.simulator import BatchSimulator
 
@@ -42,8 +42,8 @@ def seen_by(pair, world, starts, turns=(0.0,)):
     return observation, Keyframes(torch.stack(poses, 1), torch.stack(scans, 1))
 
 
-def chart_of(pair, radii, observation, keyframes=None):
-    return draw_chart(
+def map_of(pair, radii, observation, keyframes=None):
+    return build_local_map(
         pair[0].lidar, 0, observation.team_poses, observation.scan, keyframes,
         observation.team_poses[..., :2], radii,
     )  # fmt: skip
@@ -53,14 +53,14 @@ def test_ways_in_the_open_are_straight(pair, radii):
     world = World(name="open", walled=False)
     observation, _ = seen_by(pair, world, [[-2.0, 0.0, 0.0], [2.0, 0.5, 2.0]])
     goals = torch.tensor([[[1.0, 2.0], [-2.2, -0.1], [0.0, 11.0]]])
-    ways = charted_ways(chart_of(pair, radii, observation), goals, ARCS)
+    paths = mapped_paths(map_of(pair, radii, observation), goals, ARCS)
     straight = torch.cdist(observation.team_poses[..., :2], goals)
-    # the grid bends ways by a few percent
-    assert ways.lengths.allclose(straight, rtol=0.03, atol=0.05)
+    # the grid bends paths by a few percent
+    assert paths.lengths.allclose(straight, rtol=0.03, atol=0.05)
     share = (ARCS / straight[..., None]).clamp(max=1)[..., None]
     start = observation.team_poses[:, :, None, None, :2]
     on_line = start + share * (goals[:, None, :, None] - start)
-    assert (ways.points - on_line).norm(dim=-1).max() < 0.5
+    assert (paths.points - on_line).norm(dim=-1).max() < 0.5
 
 
 def test_ways_lead_around_what_was_seen(pair, radii):
@@ -68,21 +68,21 @@ def test_ways_lead_around_what_was_seen(pair, radii):
     world = World(name="wall", walled=False, boxes=(Box(center=(0.0, 0.0), size=(0.4, 4.0)),))
     observation, _ = seen_by(pair, world, [[-2.0, 0.5, 0.0], [-4.0, 3.0, 0.0]])
     goals = torch.tensor([[[2.0, 0.5]]])
-    ways = charted_ways(chart_of(pair, radii, observation), goals, ARCS)
+    paths = mapped_paths(map_of(pair, radii, observation), goals, ARCS)
     # past the corner at the footprint's radius, or with the gap that comfort asks for
     corner = 2.0 + pair[0].footprint_radius
     shortest = 2 * math.hypot(1.8, corner - 0.5)
-    assert shortest - 0.3 < ways.lengths[0, 0, 0] < shortest + 1.2
-    assert ways.costs[0, 0, 0] >= ways.lengths[0, 0, 0] - 0.2
-    assert ways.points[0, 0, 0, 3, 1] > 1.5
+    assert shortest - 0.3 < paths.lengths[0, 0, 0] < shortest + 1.2
+    assert paths.costs[0, 0, 0] >= paths.lengths[0, 0, 0] - 0.2
+    assert paths.points[0, 0, 0, 3, 1] > 1.5
 
 
 def test_what_was_seen_earlier_still_stands_there(pair, radii):
     world = World(name="wall", walled=False, boxes=(Box(center=(-3.5, 0.0), size=(0.4, 4.0)),))
     behind, remembered = seen_by(pair, world, [[-2.0, 0.0, 0.0], [2.0, 0.0, 0.0]], turns=(math.pi, 0.0))
     goals = torch.tensor([[[-5.0, 0.0]]])
-    blind = charted_ways(chart_of(pair, radii, behind), goals, ARCS)
-    aware = charted_ways(chart_of(pair, radii, behind, remembered), goals, ARCS)
+    blind = mapped_paths(map_of(pair, radii, behind), goals, ARCS)
+    aware = mapped_paths(map_of(pair, radii, behind, remembered), goals, ARCS)
     assert blind.lengths[0, 0, 0] < 3.2
     assert aware.lengths[0, 0, 0] > 4.0
 
@@ -90,17 +90,17 @@ def test_what_was_seen_earlier_still_stands_there(pair, radii):
 def test_robots_are_no_obstacles(pair, radii):
     observation, _ = seen_by(pair, World(name="open", walled=False), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     assert observation.scan.min() < 2.0
-    chart = chart_of(pair, radii, observation)
-    assert (chart.clearance * RESOLUTION == CLEAR).all()
+    local_map = map_of(pair, radii, observation)
+    assert (local_map.clearance * RESOLUTION == CLEAR).all()
 
 
 def test_clearance_is_read_in_the_frame_of_the_subject(pair, radii):
     world = World(name="post", walled=False, boxes=(Box(center=(1.0, 0.0), size=(0.2, 0.2)),))
     observation, _ = seen_by(pair, world, [[-1.0, 0.0, 0.0], [-3.0, 0.0, 0.0]])
-    chart = chart_of(pair, radii, observation)
+    local_map = map_of(pair, radii, observation)
     frames = torch.tensor([[[[-1.0, 0.0, 0.0]], [[1.0, -2.0, math.pi / 2]]]])
     grid = torch.tensor([[1.95, 0.0], [0.0, 1.5], [50.0, 0.0]])
-    around = clearance_around(chart, frames, grid)[0, :, 0]
+    around = clearance_around(local_map, frames, grid)[0, :, 0]
     assert (around[:, 0] < 0.5).all()
     assert (around[:, 1:] == 1).all()
 
@@ -111,10 +111,10 @@ def test_charts_of_a_batch_do_not_mix(pair, radii):
     seen = [seen_by(pair, world, place)[0] for place in places]
     poses, scans = (torch.cat(each) for each in zip(*[(o.team_poses, o.scan) for o in seen], strict=True))
     goals = torch.tensor([[[1.0, 1.5], [4.0, -4.0]], [[0.0, 3.0], [-2.0, 2.0]]])
-    both = draw_chart(pair[0].lidar, 0, poses, scans, None, poses[..., :2], radii)
+    both = build_local_map(pair[0].lidar, 0, poses, scans, None, poses[..., :2], radii)
     assert both.fields.shape == (2, 2, CELLS, CELLS)
-    together = charted_ways(both, goals, ARCS)
+    together = mapped_paths(both, goals, ARCS)
     for row, observation in enumerate(seen):
-        alone = charted_ways(chart_of(pair, radii, observation), goals[row : row + 1], ARCS)
+        alone = mapped_paths(map_of(pair, radii, observation), goals[row : row + 1], ARCS)
         assert torch.equal(alone.lengths[0], together.lengths[row])
         assert torch.equal(alone.points[0], together.points[row])

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from hpp_framework.core.types import Keyframes, Observation
-from hpp_framework.perception.occlusion import in_shadow
+from hpp_framework.perception.occlusion import occluded
 
 GOALS = torch.tensor([[[1.0, 0.0], [3.0, 0.0], [6.0, 0.0], [-3.0, 0.0], [0.0, 3.0]]])
 """Before the surface, behind it, far behind it, out of view, and beside it."""
@@ -30,21 +30,21 @@ def facing(lidar, heading=0.0, ahead=2.0):
 
 
 def test_only_what_lies_right_behind_is_in_shadow(lidar):
-    found = in_shadow(facing(lidar), lidar, GOALS, 2.5)
+    found = occluded(facing(lidar), lidar, GOALS, 2.5)
     assert found.tolist() == [[False, True, False, False, False]]
-    assert in_shadow(facing(lidar), lidar, GOALS, 5.0).tolist() == [[False, True, True, False, False]]
+    assert occluded(facing(lidar), lidar, GOALS, 5.0).tolist() == [[False, True, True, False, False]]
 
 
 def test_what_was_seen_earlier_still_casts_its_shadow_or_lies_open(lidar):
     away = facing(lidar, math.pi)
-    assert not in_shadow(away, lidar, GOALS, 2.5).any()
+    assert not occluded(away, lidar, GOALS, 2.5).any()
     past = facing(lidar)
     remembered = Keyframes(past.poses[:, :1], past.scans[:, :1])
     with_memory = Observation(0, away.poses, away.scans, away.velocity, remembered)
-    assert in_shadow(with_memory, lidar, GOALS, 2.5).tolist() == [[False, True, False, False, False]]
+    assert occluded(with_memory, lidar, GOALS, 2.5).tolist() == [[False, True, False, False, False]]
     open_then = Keyframes(past.poses[:, :1], torch.full_like(past.scans[:, :1], lidar.max_range))
     seen_open = Observation(0, past.poses, past.scans, past.velocity, open_then)
-    assert not in_shadow(seen_open, lidar, GOALS, 2.5).any()
+    assert not occluded(seen_open, lidar, GOALS, 2.5).any()
 
 
 def test_robots_cast_no_shadow_and_stand_in_none(lidar):
@@ -52,8 +52,8 @@ def test_robots_cast_no_shadow_and_stand_in_none(lidar):
     poses = observation.poses.clone()
     poses[:, :, 1, :2] = torch.tensor([2.3, 0.0])
     mate_ahead = Observation(0, poses, observation.scans, observation.velocity)
-    assert not in_shadow(mate_ahead, lidar, GOALS, 2.5).any()
+    assert not occluded(mate_ahead, lidar, GOALS, 2.5).any()
     poses = observation.poses.clone()
     poses[:, :, 1, :2] = torch.tensor([3.2, 0.3])
     mate_behind = Observation(0, poses, observation.scans, observation.velocity)
-    assert not in_shadow(mate_behind, lidar, GOALS, 2.5).any()
+    assert not occluded(mate_behind, lidar, GOALS, 2.5).any()

@@ -1,4 +1,4 @@
-"""``hpp onboard``: what is planned, skipped and refused; the journeys of the docs run it whole."""
+"""``hpp onboard``: what is planned, skipped and refused; the tutorials of the docs run it whole."""
 
 from __future__ import annotations
 

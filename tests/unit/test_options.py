@@ -96,9 +96,9 @@ def test_one_models_motion_of_the_agent_joins_anothers_of_the_rest(pair, empty_w
         OwnMotion(Straight(1.0), Straight(0.5, step=0.2)).rollout(seen, goals, 2)
 
 
-def chooser(pair, starts, keep=0.1, budget=50):
+def chooser(pair, starts, hysteresis=0.1, budget=50):
     task = hub().tasks.create("rendezvous", pair)
-    config = OptionsConfig(keep=keep, budget=budget)
+    config = OptionsConfig(hysteresis=hysteresis, budget=budget)
     made = [
         Option(name=f"{speed}", skill=Constant(speed), starts=start, budget=budget)
         for speed, start in zip((0.2, 0.8), starts, strict=True)
@@ -127,7 +127,7 @@ def test_the_pair_that_scores_best_among_those_that_may_start_drives(pair, empty
 
 def test_a_skill_is_kept_until_another_is_clearly_better_or_its_budget_is_spent(pair, empty_world):
     seen = observe(pair, empty_world, [[[-3.0, 0, 0], [3.0, 1, 3]]])
-    planner = chooser(pair, (anywhere, anywhere), keep=100.0, budget=10)
+    planner = chooser(pair, (anywhere, anywhere), hysteresis=100.0, budget=10)
     belief = planner.plan(seen, None, EpisodeRng([0])).belief
     slow = replace(belief, choice=torch.tensor([0]), steps=torch.tensor([0]))
     chosen = []

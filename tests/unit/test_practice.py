@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.skill import SkillTraining
 from hpp_framework.envs.navigation_tasks import NavigationTasks
-from hpp_framework.envs.point_to_point import GUIDE, PointToPointVectorEnv
+from hpp_framework.envs.point_to_point import PRIVILEGED, PointToPointVectorEnv
 from hpp_framework.envs.problem import PointToPoint, Practice
 from hpp_framework.training.ppo import PpoConfig
 from hpp_framework.utils.errors import ConfigError
@@ -52,9 +52,9 @@ def test_reward_counts_metres_along_the_path_and_the_guide_tells_them(pool):
     after = env.tasks.left(env.simulator.state().poses)
     going = ~(ended | truncated)
     assert np.allclose(reward[going], (before - after).flatten().numpy()[going], atol=1e-5)
-    assert seen["guide"].shape == (32, GUIDE)
-    assert np.allclose(seen["guide"][:, 0], after.flatten().numpy() / 10, atol=1e-5)
-    assert np.allclose(np.hypot(seen["guide"][:, 1], seen["guide"][:, 2]), 1, atol=1e-5)
+    assert seen["privileged"].shape == (32, PRIVILEGED)
+    assert np.allclose(seen["privileged"][:, 0], after.flatten().numpy() / 10, atol=1e-5)
+    assert np.allclose(np.hypot(seen["privileged"][:, 1], seen["privileged"][:, 2]), 1, atol=1e-5)
 
 
 def test_the_guide_points_down_the_path(pool):

@@ -12,7 +12,7 @@ from hpp_framework.planning.hpp.lattice import lattice_config
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 
-INFERENCE = GoalInference(elapsed=1.0, surprise=0.2, memory=0.5, reach=0.5)
+INFERENCE = GoalInference(elapsed=1.0, surprise=0.2, forgetting=0.5, reach=0.5)
 GOALS = torch.tensor([[[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]]])
 
 

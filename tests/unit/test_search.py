@@ -446,7 +446,7 @@ def test_p2p_declares_what_its_recipe_has():
 @pytest.mark.usefixtures("tiny_training")
 def test_p2p_is_trained_and_judged_with_the_settings_of_a_trial(tmp_path, monkeypatch):
     monkeypatch.setattr(p2p_search, "WORLDS", ("training",))
-    monkeypatch.setattr(p2p_search, "JOURNEYS", 1)
+    monkeypatch.setattr(p2p_search, "NAVIGATION_TASKS", 1)
     settings = {"reward.touch": -0.4, "network.hidden": 64, "ppo.n_epochs": 1, "network.scan": "dense"}
     task = TrialTask(
         trainer=hub().skill_trainers.entry("p2p").factory(), seed=1,
@@ -461,7 +461,7 @@ def test_p2p_is_trained_and_judged_with_the_settings_of_a_trial(tmp_path, monkey
     assert under_way is None
     assert sorted(p2p_search.practice_success(tmp_path)) == [64]
     assert 0 <= metrics["score"] <= 1
-    assert metrics["journeys"] == 1
+    assert metrics["navigation_tasks"] == 1
     assert metrics["score"] == (metrics["success"] + metrics["clean"]) / 2
     card = json.loads((tmp_path / "fetch.json").read_text())
     assert card["network"]["hidden"] == 64

@@ -85,7 +85,7 @@ def test_planners_send_each_robot_to_its_own_target(team, preset, agent):
     if preset == "paper":
         planner = HppPlanner(Straight(), task, HppConfig())
     elif preset == "best":
-        planner = LatticePlanner(Straight(), task, LatticeConfig(horizon=5, shadow=0.0))
+        planner = LatticePlanner(Straight(), task, LatticeConfig(horizon=5, occlusion_penalty=0.0))
     else:
         planner = midpoint(PlannerContext(team=team, agent=agent, task=task))
     decision = planner.plan(observation, None, EpisodeRng([0]))
@@ -106,7 +106,7 @@ def test_shared_goals_stay_shared_without_targets(team):
     task = make_task("rendezvous", team.robots)
     goal = torch.tensor([[1.0, 2.0]])
     assert own_target(task, goal, torch.zeros(1, 2, 3), 0) is goal
-    planner = LatticePlanner(Straight(), task, LatticeConfig(horizon=5, shadow=0.0))
+    planner = LatticePlanner(Straight(), task, LatticeConfig(horizon=5, occlusion_penalty=0.0))
     decision = planner.plan(seen([[-2, 1, 0], [2, 1, 0]]), None, EpisodeRng([0]))
     assert decision.goal is decision.belief.goal
 

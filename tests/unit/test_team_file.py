@@ -64,7 +64,7 @@ def test_control_layers_of_the_team_hold_for_members_that_name_none(write):
         ([ALICE, {**BOB, "id": "alice"}], {}, r"'members\[1\].id' 'alice' is taken"),
         ([{**ALICE, "robot": "fetsh"}], {}, r"'members\[0\].robot' names no robot .* Did you mean 'fetch'"),
         ([{**ALICE, "skill": "p2q"}], {}, r"'members\[0\].skill' names no skill .* Did you mean 'p2p'"),
-        ([{**ALICE, "planner": "hp:keep=0"}], {}, r"planner' names no planner .* Did you mean 'hpp'"),
+        ([{**ALICE, "planner": "hp:hysteresis=0"}], {}, r"planner' names no planner .* Did you mean 'hpp'"),
         (
             [ALICE, {**BOB, "believes": {"alic": "fetch"}}],
             {},
@@ -137,12 +137,14 @@ def test_an_oracle_is_refused_where_a_robot_plans_otherwise(write):
 
 def test_settings_of_the_command_do_not_reach_planners_of_members(write):
     shown = experiment(
-        write(ALICE, {**BOB, "planner": "hpp:memory=0.0"}), planners=("hpp",), settings={"surprise": 0.11}
+        write(ALICE, {**BOB, "planner": "hpp:forgetting_factor=0.0"}),
+        planners=("hpp",),
+        settings={"surprise": 0.11},
     )
     configs = check_experiment(shown, {"simple": resolve_world("simple")})
     assert configs["hpp"]["surprise"] == 0.11
-    assert configs["hpp:memory=0.0"]["surprise"] == 0.15
-    assert configs["hpp:memory=0.0"]["memory"] == 0.0
+    assert configs["hpp:forgetting_factor=0.0"]["surprise"] == 0.15
+    assert configs["hpp:forgetting_factor=0.0"]["forgetting_factor"] == 0.0
 
 
 def test_a_run_repeats_from_its_config_without_the_file(write, tmp_path):

@@ -14,7 +14,7 @@ import torch
 from hpp_framework.config.settings import altered
 from hpp_framework.core.planner import Belief, Decision, MetaPlanner, PlannerContext, certain
 from hpp_framework.core.types import Observation
-from hpp_framework.perception.local_map import RESOLUTION, draw_chart
+from hpp_framework.perception.local_map import RESOLUTION, build_local_map
 from hpp_framework.planning.targets import own_target
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_framework.utils.seeding import EpisodeRng
@@ -65,15 +65,15 @@ class GeodesicMidpoint(MetaPlanner):
     def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
         """Return the own target of the point of least latest arrival on the local map."""
         poses = observation.team_poses
-        chart = draw_chart(
+        local_map = build_local_map(
             self.lidar, observation.agent, poses, observation.scan, observation.keyframes,
             poses[..., :2].contiguous(), self.radii,
         )  # fmt: skip
-        arrivals = (chart.fields / self.speeds.to(poses)[:, None, None]).flatten(2)
+        arrivals = (local_map.fields / self.speeds.to(poses)[:, None, None]).flatten(2)
         cell = (arrivals.amax(1) + TIE * arrivals.mean(1)).argmin(1)
-        width = chart.fields.shape[-1]
+        width = local_map.fields.shape[-1]
         place = torch.stack([cell % width, cell // width], -1)
-        goal = chart.origins + RESOLUTION * (place + 0.5)
+        goal = local_map.origins + RESOLUTION * (place + 0.5)
         return Decision(own_target(self.task, goal, poses, observation.agent), certain(goal))
 
 

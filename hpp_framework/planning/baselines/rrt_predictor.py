@@ -1,7 +1,7 @@
 """Motion as RRT+CEM imagines it: everybody follows RRT paths through what the asking robot knows.
 
 There is one tree a robot and observation, and every goal is reached from its nodes: as if each candidate had
-a tree of its own, at a fraction of the cost. Goals near each other then also get like ways.
+a tree of its own, at a fraction of the cost. Goals near each other then also get like paths.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class RrtPredictor(Predictor):
             raise ConfigError("the RRT predictor was not prepared for these episodes; call prepare() first.")
         times = torch.arange(1, horizon + 1) * self.config.period
         arcs = self._arcs(observation, times)
-        ways = [
+        paths = [
             [self._ways(robot, space, positions[row, i], seed) for i, robot in enumerate(self.robots)]
             for row, (space, seed) in enumerate(zip(self._spaces, self._seeds, strict=True))
         ]
@@ -91,7 +91,7 @@ class RrtPredictor(Predictor):
             wanted = goals.double().cpu().numpy()
             places = [
                 np.stack([way.towards(wanted[row], arcs[row, i]) for i, way in enumerate(team)], -2)
-                for row, team in enumerate(ways)
+                for row, team in enumerate(paths)
             ]
             xy = torch.from_numpy(np.stack(places)).to(goals)
             return Trajectories(torch.cat([xy, torch.full_like(xy[..., :1], torch.nan)], -1), times.to(goals))
@@ -117,7 +117,7 @@ class RrtPredictor(Predictor):
 
 
 class _Ways:
-    """The ways of one robot from the root of its tree to any goal.
+    """The paths of one robot from the root of its tree to any goal.
 
     Args:
         room: where it fits.

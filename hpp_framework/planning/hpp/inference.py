@@ -41,13 +41,13 @@ class GoalInference:
     Attributes:
         elapsed: seconds between plans.
         surprise: standard deviation of positions around a correct prediction, metres.
-        memory: share of the evidence that survives from one plan to the next.
+        forgetting: share of the evidence that survives from one plan to the next.
         reach: candidates farther than this from all earlier ones begin with the least evidence, metres.
     """
 
     elapsed: float
     surprise: float
-    memory: float
+    forgetting: float
     reach: float
 
     def weigh(
@@ -71,7 +71,7 @@ class GoalInference:
         missed = before.imagined.poses[:, :, index, :, :2] - positions[:, None]
         variance = self.surprise**2 if std is None else self.surprise**2 + std.square()[:, None]
         fit = -missed.square().sum(-1).clamp(max=MOST_MISSED) / (2 * variance)
-        total = self.memory * before.likelihood + fit
+        total = self.forgetting * before.likelihood + fit
         total = total - total.amax(1, keepdim=True)
         gap, nearest = torch.cdist(goals, before.goals).min(2)
         carried = total.gather(1, nearest[..., None].expand(-1, -1, total.shape[2]))

@@ -9,7 +9,9 @@ want (:mod:`hpp_framework.planning.hpp.best_response`). Each of these can be swi
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -21,7 +23,7 @@ from hpp_framework.core.robot import Lidar
 from hpp_framework.core.task import Task
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, Trajectories
-from hpp_framework.perception.occlusion import in_shadow
+from hpp_framework.perception.occlusion import occluded
 from hpp_framework.planning.hpp.best_response import as_one_gaussian, likeliest, moments, pair_rewards
 from hpp_framework.planning.hpp.inference import Evidence, GoalInference
 from hpp_framework.planning.targets import imagine_task, own_target
@@ -46,17 +48,18 @@ class LatticeConfig:
         reach: about the largest distance of a candidate from the midpoint of the team, metres; the set is
             centred on the lattice point nearest to the midpoint.
         shared: whether the lattice is anchored in the world; else each robot has its own, anchored in itself.
-        keep: a goal is kept while no candidate scores better by more than this (in units of reward).
+        hysteresis: a goal is kept while no candidate scores better by more than this (in units of reward).
         terminal: share of the score that is the reward at the horizon; the rest is its mean over time.
-        doubt: how much a metre of the predictions' standard deviation costs (in units of reward); 0 ignores
-            doubt, as do predictors that have none.
-        shadow: what a goal costs that lies right behind something seen (in units of reward); 0 ignores it.
-        shadow_depth: how far behind, metres.
+        uncertainty_penalty: how much a metre of the predictions' standard deviation costs (in units of
+            reward); 0 ignores uncertainty, as do predictors that state none.
+        occlusion_penalty: what a goal costs that lies right behind something seen (in units of reward); 0
+            ignores it.
+        occlusion_depth: how far behind, metres.
         patience: seconds of an episode over which that cost grows to its full size; 0 asks for it from the
             start.
-        evidence: weight of the evidence of motion against the reward; 0 switches inference off.
+        likelihood_weight: weight of the evidence of motion against the reward; 0 switches inference off.
         surprise: standard deviation of positions around a correct prediction, metres.
-        memory: share of the evidence that survives from one plan to the next.
+        forgetting_factor: share of the evidence that survives from one plan to the next.
         respond: whether to score a goal of one's own against the goals that the others probably have, instead
             of as a goal of all.
         hypotheses: likeliest goals of the others that a response weighs.
@@ -64,21 +67,26 @@ class LatticeConfig:
         temperature: of the softmax that turns scores into a belief (in units of reward).
     """
 
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "keep": "hysteresis", "doubt": "uncertainty_penalty", "shadow": "occlusion_penalty",
+        "shadow_depth": "occlusion_depth", "evidence": "likelihood_weight", "memory": "forgetting_factor",
+    }  # fmt: skip
+
     predictor: str = "far-sighted"
     horizon: Count = 15
     plan_every: Count = 5
     spacing: Positive = 0.8
     reach: Positive = 4.0
     shared: bool = True
-    keep: NonNegative = 0.0
+    hysteresis: NonNegative = 0.0
     terminal: Share = 0.4
-    doubt: NonNegative = 0.3
-    shadow: NonNegative = 0.5
-    shadow_depth: Positive = 2.5
+    uncertainty_penalty: NonNegative = 0.3
+    occlusion_penalty: NonNegative = 0.5
+    occlusion_depth: Positive = 2.5
     patience: NonNegative = 10.0
-    evidence: NonNegative = 0.3
+    likelihood_weight: NonNegative = 0.3
     surprise: Positive = 0.15
-    memory: Share = 0.7
+    forgetting_factor: Share = 0.7
     respond: bool = True
     hypotheses: Count = 24
     mixture: bool = True
@@ -96,7 +104,7 @@ def lattice_config(robots: int) -> LatticeConfig:
     if robots < 3:
         return LatticeConfig()
     hypotheses = min(LatticeConfig.hypotheses, max(PAIRS // robots, 1))
-    return LatticeConfig(doubt=2.0, surprise=0.4, reach=5.2, hypotheses=hypotheses)
+    return LatticeConfig(uncertainty_penalty=2.0, surprise=0.4, reach=5.2, hypotheses=hypotheses)
 
 
 @dataclass(frozen=True)
@@ -114,7 +122,7 @@ class LatticePlanner(MetaPlanner):
         predictor: the agent's motion models.
         task: the shared objective.
         config: parameters.
-        lidar: of the agent, to tell what lies in shadow; None ignores shadows.
+        lidar: of the agent, to tell what is occluded; None ignores occlusion.
     """
 
     def __init__(
@@ -128,7 +136,7 @@ class LatticePlanner(MetaPlanner):
         self.inference = GoalInference(
             elapsed=config.plan_every * CONTROL_PERIOD,
             surprise=config.surprise,
-            memory=config.memory,
+            forgetting=config.forgetting_factor,
             reach=config.spacing,
         )
 
@@ -150,7 +158,7 @@ class LatticePlanner(MetaPlanner):
         scores = self._scores(imagined, likelihood, goals, costs, observation.agent)
         choice = scores.argmax(1)
         if belief is not None:
-            wavering = scores.amax(1) <= scores[:, 0] + self.config.keep
+            wavering = scores.amax(1) <= scores[:, 0] + self.config.hysteresis
             choice = torch.where(wavering, 0, choice)
         goal = goals[torch.arange(len(goals)), choice]
         mean, std = moments(scores / self.config.temperature, goals)
@@ -171,9 +179,9 @@ class LatticePlanner(MetaPlanner):
         unit = self.task.unit(robots)
         hoped = self._over_time(self.task.reward(imagined.poses)) / unit - costs
         if not config.respond:
-            return hoped + config.evidence * likelihood.sum(-1)
+            return hoped + config.likelihood_weight * likelihood.sum(-1)
         theirs = torch.arange(robots) != agent
-        logits = (hoped + config.evidence * likelihood[..., theirs].sum(-1)) / config.temperature
+        logits = (hoped + config.likelihood_weight * likelihood[..., theirs].sum(-1)) / config.temperature
         if not config.mixture:
             logits = as_one_gaussian(logits, goals)
         others, chosen = likeliest(logits, config.hypotheses)
@@ -189,18 +197,18 @@ class LatticePlanner(MetaPlanner):
     def _costs(
         self, observation: Observation, goals: Float[Tensor, "b g 2"], imagined: Trajectories, plans: int
     ) -> Float[Tensor, "b g"]:
-        """Return what speaks against goals whatever they promise: doubt, and lying in shadow."""
+        """Return what speaks against goals whatever they promise: uncertainty, and occlusion."""
         config = self.config
         costs = torch.zeros_like(goals[..., 0])
-        if config.doubt and imagined.std is not None:
-            costs += config.doubt * imagined.std.mean((-1, -2))
-        if config.shadow and self.lidar is not None:
-            shadow = config.shadow * self._impatience(plans)
-            costs += shadow * in_shadow(observation, self.lidar, goals, config.shadow_depth)
+        if config.uncertainty_penalty and imagined.std is not None:
+            costs += config.uncertainty_penalty * imagined.std.mean((-1, -2))
+        if config.occlusion_penalty and self.lidar is not None:
+            penalty = config.occlusion_penalty * self._impatience(plans)
+            costs += penalty * occluded(observation, self.lidar, goals, config.occlusion_depth)
         return costs
 
     def _impatience(self, plans: int) -> float:
-        """Return the share of the cost of shadows that is asked for after so many plans."""
+        """Return the share of the cost of occlusion that is asked for after so many plans."""
         passed = plans * self.inference.elapsed
         return min(1.0, passed / self.config.patience) if self.config.patience else 1.0
 

@@ -34,7 +34,7 @@ simulated plan does not turn out wrong."""
 
 
 NOTHING_TO_GUESS: Mapping[str, Mapping[str, Any]] = {
-    "best": {"respond": False, "evidence": 0.0, "shadow": 0.0}
+    "best": {"respond": False, "likelihood_weight": 0.0, "occlusion_penalty": 0.0}
 }
 """Settings by preset that switch off the guessing of others' goals and surroundings: where all is shared
 there is nothing to guess, and a goal is scored as what it is, a goal of all."""

@@ -34,7 +34,7 @@ from hpp_framework.viz.topdown import TopDown, close_view
 from hpp_framework.viz.video import write_video
 from hpp_framework.worlds.loader import resolve_world
 
-REPORT, EPISODES, PATHS = "report", "episodes", "ways.npy"
+REPORT, EPISODES, PATHS = "report", "episodes", "paths.npy"
 RANKS = ("best", "worst", "median")
 """An episode that has several ranks is shown once, for the first."""
 PATHS_SHOWN = 40

@@ -24,7 +24,7 @@ from hpp_framework.sim.batch.grid import build_geometry
 from hpp_framework.sim.simulator import SUBSTEPS, Simulator
 from hpp_framework.utils.errors import SimulatorError
 from hpp_framework.utils.kernels import wp
-from hpp_framework.utils.thread_pool import Crew, Job
+from hpp_framework.utils.thread_pool import Job, ThreadPool
 from hpp_framework.worlds.slicing import planar_map
 
 
@@ -49,7 +49,7 @@ class BatchSimulator(Simulator):
             raise SimulatorError(f"threads must be at least 1, or None for one a core, got {threads}.")
         self.device = torch.device(device)
         self._warp_device = wp.device_from_torch(self.device)
-        self._crew = Crew(threads if self.device.type == "cpu" else 1)
+        self._threads = ThreadPool(threads if self.device.type == "cpu" else 1)
         self._seen_from = sorted({robot.lidar.height for robot in robots})
         self._touched_below = sorted({robot.height for robot in robots})
         self._robots: Any = wp.array(
@@ -152,7 +152,7 @@ class BatchSimulator(Simulator):
             self._state.touched_person.masked_fill_(chosen, value=False)
         # what is near has to be looked for again
         self._gap.zero_()
-        self._crew.run(self._cast)
+        self._threads.run(self._cast)
         return self.state()
 
     def step(self, commands: Float[Tensor, "b n *p 2"]) -> State:
@@ -169,7 +169,7 @@ class BatchSimulator(Simulator):
         """
         self.check_commands(commands, len(self._world_index))
         self._commands.copy_(commands if commands.dim() == 4 else commands[:, :, None])
-        self._crew.run(self._drive_and_cast)
+        self._threads.run(self._drive_and_cast)
         return self._state
 
     def state(self) -> State:
@@ -187,7 +187,7 @@ class BatchSimulator(Simulator):
 
     def close(self) -> None:
         """End the threads."""
-        self._crew.close()
+        self._threads.close()
 
     def _record(self, episodes: int) -> None:
         """Prepare the launches of a step, slice by slice of the episodes."""
@@ -212,7 +212,7 @@ class BatchSimulator(Simulator):
             among_inputs = [poses, self._robots, self._beams(), CONTROL_PERIOD / SUBSTEPS, *moves, ranges]
         self._cast: list[Job] = []
         self._drive_and_cast: list[Job] = []
-        for start, stop in self._crew.slices(episodes):
+        for start, stop in self._threads.slices(episodes):
             rows = (start * robots, (stop - start) * robots)
             drive = self._prepare(drive_kernel, stop - start, [start, *drive_inputs])
             cast = self._prepare(lidar_kernels.cast, rows[1], [rows[0], *cast_inputs])

@@ -87,7 +87,7 @@ def team_view(
     world: World,
     poses: Tensor | npt.NDArray[np.floating],
     *,
-    ways: Tensor | npt.NDArray[np.floating] | None = None,
+    paths: Tensor | npt.NDArray[np.floating] | None = None,
     size: tuple[int, int] = SIZE,
 ) -> View:
     """Choose a view from above and aside that shows a team and what lies between its robots.
@@ -98,7 +98,7 @@ def team_view(
     Args:
         world: for its bounds.
         poses: (n, 3) or (n, 2) poses that the view is turned by, for example the start.
-        ways: (..., 3) or (..., 2) finite poses to be seen as well, for example of an episode.
+        paths: (..., 3) or (..., 2) finite poses to be seen as well, for example of an episode.
         size: (width, height) of the picture in pixels.
     """
     points = np.asarray(poses, np.float64)[:, :2]
@@ -107,8 +107,10 @@ def team_view(
     spread = gaps[first, second]
     length = float(np.linalg.norm(spread))
     along = math.atan2(spread[1], spread[0]) if length > 0.1 else 0.0
-    if ways is not None:
-        points = np.concatenate([points, np.asarray(ways, np.float64).reshape(-1, np.shape(ways)[-1])[:, :2]])
+    if paths is not None:
+        points = np.concatenate(
+            [points, np.asarray(paths, np.float64).reshape(-1, np.shape(paths)[-1])[:, :2]]
+        )
     turn = np.array([[math.cos(along), -math.sin(along)], [math.sin(along), math.cos(along)]])
     turned = points @ turn
     center = turn @ (turned.min(0) + turned.max(0)) / 2

@@ -10,7 +10,7 @@ from hpp_framework.worlds.generators.recipe import rectangle
 
 CELLS = (5, 7)
 PASSAGE = (1.4, 2.0)
-"""Clear width of the narrowest ways of a maze, in metres."""
+"""Clear width of the narrowest paths of a maze, in metres."""
 
 THICKNESS = (0.12, 0.3)
 OPENED = 0.4

@@ -16,7 +16,7 @@ from hpp_framework.core.skill import Skill
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation
 from hpp_framework.utils.kernels import vectors, wp
-from hpp_framework.utils.thread_pool import Crew, Job
+from hpp_framework.utils.thread_pool import Job, ThreadPool
 from hpp_skills.dwa import window_kernels
 from hpp_skills.dwa.config import DwaConfig
 
@@ -45,13 +45,13 @@ class DynamicWindow(Skill):
     ) -> None:
         self.config = config or DwaConfig()
         self._window = _window(robot, self.config)
-        self._crew = Crew(threads)
+        self._threads = ThreadPool(threads)
 
     @torch.no_grad()
     def act(self, observation: Observation, goal: Float[Tensor, "b 2"]) -> Float[Tensor, "b 2"]:
         """Return commands [v in m/s, omega in rad/s]; both zero within ``goal_radius`` of the goal."""
         out = torch.empty_like(observation.velocity)
-        self._crew.run(self._jobs(observation, goal.to(out), out))
+        self._threads.run(self._jobs(observation, goal.to(out), out))
         return out
 
     def _jobs(self, observation: Observation, goal: Tensor, out: Tensor) -> list[Job]:
@@ -87,7 +87,7 @@ class DynamicWindow(Skill):
                 wp.launch(kernel, dim=dim, inputs=[start, *inputs], device=device)
 
         wrapped = vectors(out)
-        slices = self._crew.slices(size) if out.device.type == "cpu" else [(0, size)]
+        slices = self._threads.slices(size) if out.device.type == "cpu" else [(0, size)]
         return [partial(drive, start, stop) for start, stop in slices]
 
 

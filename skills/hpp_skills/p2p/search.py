@@ -19,7 +19,7 @@ from hpp_skills.p2p.recipe import Recipe
 from hpp_skills.p2p.skill import load
 
 WORLDS = ("training", "rooms", "passages", "legs")
-JOURNEYS = 125
+NAVIGATION_TASKS = 125
 """In each world, each in a world of its own."""
 
 REWARD: dict[str, Distribution] = {
@@ -57,33 +57,37 @@ def search() -> SkillSearch:
 
 
 def judge(weights: Path, robot: RobotSpec, seed: int) -> dict[str, float]:
-    """Return how a policy does on journeys in four kinds of unseen worlds.
+    """Return how a policy does on navigation tasks in four kinds of unseen worlds.
 
     The score is the mean over kinds of worlds of the mean of success and clean success, so that half of a
-    success is lost by a touch. Shares of all journeys come with their 95 % Wilson bounds.
+    success is lost by a touch. Shares of all tasks come with their 95 % Wilson bounds.
 
     Args:
         weights: of the policy.
         robot: that it was trained for.
-        seed: of the journeys.
+        seed: of the tasks.
     """
     skill = load(robot, weights)
     judged = {
         world: evaluate_skill(
-            skill, robot, world=world, episodes=JOURNEYS, seed=child_seed(seed, "search journeys", world)
+            skill,
+            robot,
+            world=world,
+            episodes=NAVIGATION_TASKS,
+            seed=child_seed(seed, "search", world),
         )
         for world in WORLDS
     }
     found = {"score": sum((each.success + each.clean) / 2 for each in judged.values()) / len(judged)}
     for name in ("success", "clean"):
         shares = [getattr(each, name) for each in judged.values()]
-        journeys = JOURNEYS * len(judged)
+        tasks = NAVIGATION_TASKS * len(judged)
         share = sum(shares) / len(shares)
-        low, high = wilson_interval(round(share * journeys), journeys)
+        low, high = wilson_interval(round(share * tasks), tasks)
         found |= {name: share, f"{name}_low": low, f"{name}_high": high}
         found |= {f"{name}_{world}": value for world, value in zip(judged, shares, strict=True)}
     spl = sum(each.spl for each in judged.values()) / len(judged)
-    return {**found, "spl": spl, "journeys": float(JOURNEYS * len(judged))}
+    return {**found, "spl": spl, "navigation_tasks": float(NAVIGATION_TASKS * len(judged))}
 
 
 def practice_success(folder: Path) -> dict[int, float]:

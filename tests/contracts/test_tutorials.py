@@ -1,8 +1,8 @@
-"""The three journeys of the docs, from an empty folder: every command and every file as they are printed.
+"""The three tutorials of the docs, from an empty folder: every command and every file as they are printed.
 
 Blocks ``sh`` are run one after another in one shell; other blocks name a file in their first line and are
 written to it. Nothing comes from a package index, and nothing is installed into the environment of the tests.
-Two train for minutes and run where ``HPP_JOURNEYS=all``, as ``.ci/run`` sets it; all commands of all three
+Two train for minutes and run where ``HPP_TUTORIALS=all``, as ``.ci/run`` sets it; all commands of all three
 must be understood.
 """
 
@@ -21,10 +21,10 @@ import pytest
 
 from hpp_framework.cli import main as command_line
 
-PAGES = Path(__file__).parents[2] / "docs" / "journeys"
+PAGES = Path(__file__).parents[2] / "docs" / "tutorials"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NAMED = re.compile(r"(?:#|<!--) (\S+\.\w+)")
-JOURNEYS = ("task", "skill", "robot")
+TUTORIALS = ("task", "skill", "robot")
 TRAINING = ("skill", "robot")
 HPP = "from hpp_framework.cli.main import main; main()"
 
@@ -75,7 +75,7 @@ def commands(page: Path) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("name", JOURNEYS)
+@pytest.mark.parametrize("name", TUTORIALS)
 def test_every_command_is_understood(name, monkeypatch):
     parse, understood = command_line.tyro.cli, []
 
@@ -91,11 +91,11 @@ def test_every_command_is_understood(name, monkeypatch):
     assert script(PAGES / f"{name}.md")
 
 
-def test_every_journey_writes_packages_of_its_own():
+def test_every_tutorial_writes_packages_of_its_own():
     """So that whoever goes through all of them never meets a name that is taken."""
     written = [
         line.split()[2].partition("/")[0]
-        for name in JOURNEYS
+        for name in TUTORIALS
         for line in dict.fromkeys(commands(PAGES / f"{name}.md"))
         if line.startswith("new ") and "--answers" not in line
     ]
@@ -104,10 +104,10 @@ def test_every_journey_writes_packages_of_its_own():
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("name", JOURNEYS)
-def test_a_journey_ends_well(name, environment, tmp_path):
-    if name in TRAINING and os.environ.get("HPP_JOURNEYS") != "all":
-        pytest.skip("trains for minutes; set HPP_JOURNEYS=all")
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_a_tutorial_ends_well(name, environment, tmp_path):
+    if name in TRAINING and os.environ.get("HPP_TUTORIALS") != "all":
+        pytest.skip("trains for minutes; set HPP_TUTORIALS=all")
     folder = tmp_path / "empty"
     folder.mkdir()
     done = subprocess.run(
