@@ -174,8 +174,8 @@ class RendezvousEnv(gym.Env[Any, Any]):
         Returns:
             Observation, reward (of the true poses, summed over the control steps), whether the task was
             fulfilled for its ``sustain_steps``, whether time ran out, and info: ``goal`` (2,) in world
-            coordinates, control ``steps`` driven, ``success_now``, ``collided`` (the learner, in any of them); with
-            options also the name of the ``option``, and whether it was ``started``.
+            coordinates, control ``steps`` driven, ``success_now``, ``collided`` (the learner, any of them);
+            with options also the name of the ``option``, and whether it was ``started``.
 
         Raises:
             SimulatorError: if no episode runs, or the action is not as many finite numbers as it should be.
