@@ -34,6 +34,7 @@ def restricted(observation: Observation, present: Sequence[int]) -> Observation:
         std=None if observation.std is None else observation.std[:, chosen],
         ages=None if observation.ages is None else observation.ages[:, chosen],
         scan_age=observation.scan_age,
+        jitter=observation.jitter,
     )
 
 

@@ -34,7 +34,8 @@ class SafetyFilterConfig:
     """How careful a safety filter is.
 
     Attributes:
-        margin: metres to keep from what is seen; what is hidden behind a thin leg's near side is as near.
+        margin: metres to keep from what is seen; what is hidden behind a thin leg's near side is as near. It
+            grows by the distance that the robot drives in the jitter of its commands.
         memory: keyframes heeded beside the history, one a second.
         way_out: metres that must be free before a robot that stands before something drives off.
     """
@@ -89,12 +90,13 @@ class SafetyFilter(ControlLayer):
         points = wp.from_torch(command.new_empty(size, POINTS, 3), dtype=wp.vec3)
         counts = wp.from_torch(torch.empty(size, dtype=torch.int32, device=command.device))
         corrected = torch.empty_like(command)
+        jitter = command.new_zeros(size) if observation.jitter is None else observation.jitter.contiguous()
         wp.launch(
             safety_kernels.gather,
             dim=size,
             inputs=[
                 wp.from_torch(scans.contiguous()), vectors(self._beams.to(scans)), vectors(poses),
-                observation.agent, velocity, self._limits, points, counts,
+                observation.agent, velocity, wp.from_torch(jitter), self._limits, points, counts,
             ],
             device=device,
         )  # fmt: skip

@@ -69,11 +69,11 @@ def on_teammate(
 
 
 @wp.func
-def keep_off(point: wp.vec2, limits: Limits) -> wp.vec3:
+def keep_off(point: wp.vec2, margin: float, limits: Limits) -> wp.vec3:
     """Return a point with the square of the distance that the robot's middle must keep from it."""
     away = wp.length(point)
     floor = wp.min(away, limits.radius + SHARE * limits.margin)
-    apart = wp.min(limits.radius + limits.margin, wp.max(away - NEARER, floor))
+    apart = wp.min(limits.radius + margin, wp.max(away - NEARER, floor))
     return wp.vec3(point[0], point[1], apart * apart - SLACK)
 
 
@@ -84,6 +84,7 @@ def gather(
     poses: wp.array3d(dtype=wp.vec3),
     agent: int,
     velocities: wp.array(dtype=wp.vec2),
+    jitter: wp.array(dtype=float),
     limits: Limits,
     points: wp.array2d(dtype=wp.vec3),
     counts: wp.array(dtype=int),
@@ -98,6 +99,8 @@ def gather(
         poses: (robot, entry, teammate) when the scans were taken, world frame.
         agent: index of the robot in its team.
         velocities: forward speed and turn rate.
+        jitter: seconds by which commands may act earlier or later; as far as the robot drives then, it keeps
+            off more.
         limits: numbers.
         points: out; x, y in the robot's frame, and the square of the distance to keep.
         counts: out; points of each robot.
@@ -106,7 +109,8 @@ def gather(
     newest = scans.shape[1] - 1
     speed = wp.abs(velocities[row][0]) + limits.acceleration * limits.period
     stopping = speed * limits.period + 0.5 * speed * speed / limits.acceleration
-    reach = limits.radius + limits.margin + wp.max(stopping, limits.way_out)
+    margin = limits.margin + jitter[row] * wp.abs(velocities[row][0])
+    reach = limits.radius + margin + wp.max(stopping, limits.way_out)
     now = poses[row, newest, agent]
     cos = wp.cos(now[2])
     sin = wp.sin(now[2])
@@ -139,7 +143,7 @@ def gather(
                     )
                     if not on_teammate(row, entry, agent, place, poses, limits.body):
                         last = point
-                        points[row, count] = keep_off(point, limits)
+                        points[row, count] = keep_off(point, margin, limits)
                         count = count + 1
     counts[row] = count
 

@@ -51,7 +51,9 @@ class Estimate:
         std: standard deviations of each robot's position along each axis (m), heading (rad) and speed (m/s):
             relative to the agent; of its own, in the world. None where no estimator says.
         ages: seconds since each robot was last heard of or seen; None where the estimator does not say.
-        scan_age: seconds since the lidar last sent what can be believed; None where nobody checks.
+        scan_age: seconds since the lidar last sent what can be believed; None where no estimator checks.
+        jitter: seconds by which the next command may act earlier or later than the estimate is for; None
+            where no estimator says.
     """
 
     poses: Float[Tensor, "b n 3"]
@@ -61,6 +63,7 @@ class Estimate:
     std: Float[Tensor, "b n 3"] | None = None
     ages: Float[Tensor, "b n"] | None = None
     scan_age: Float[Tensor, "b"] | None = None
+    jitter: Float[Tensor, "b"] | None = None
 
 
 class Estimator(ABC):

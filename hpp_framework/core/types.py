@@ -139,6 +139,8 @@ class Observation:
             relative to the agent; of its own, in the world. None where no estimator says.
         ages: seconds since each robot was last heard of or seen; None where no estimator says.
         scan_age: seconds since the lidar last sent what can be believed; None where no estimator checks.
+        jitter: seconds by which the next command may act earlier or later than the poses are for; None where
+            no estimator says.
         privileged: what no robot knows, where the episodes are run by who does; None elsewhere. Only oracles
             may read it.
     """
@@ -152,16 +154,16 @@ class Observation:
     std: Float[Tensor, "b n 3"] | None = None
     ages: Float[Tensor, "b n"] | None = None
     scan_age: Float[Tensor, "b"] | None = None
+    jitter: Float[Tensor, "b"] | None = None
     privileged: Privileged | None = field(default=None, repr=False)
 
     def episodes(self, chosen: slice | Int[Tensor, "k"]) -> Observation:
         """Return what the agent itself knows in some of the episodes."""
         kept = self.keyframes and Keyframes(self.keyframes.poses[chosen], self.keyframes.scans[chosen])
-        believed = (self.velocities, self.std, self.ages, self.scan_age)
-        velocities, std, ages, scan_age = (None if each is None else each[chosen] for each in believed)
+        believed = (self.velocities, self.std, self.ages, self.scan_age, self.jitter)
         return Observation(
-            self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept, velocities, std,
-            ages, scan_age,
+            self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept,
+            *(None if each is None else each[chosen] for each in believed),
         )  # fmt: skip
 
     @property

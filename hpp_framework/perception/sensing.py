@@ -182,6 +182,7 @@ class _Memory:
             agent=self.agent, poses=self._poses, scans=self._scans, velocity=now.velocity,
             keyframes=Keyframes(self._key_poses, self._key_scans) if self.keyframes else None,
             velocities=now.velocities, std=now.std, ages=now.ages, scan_age=now.scan_age,
+            jitter=now.jitter,
         )  # fmt: skip
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -87,6 +89,22 @@ def test_what_left_the_view_is_remembered_and_forgotten(fetch):
     assert not torch.equal(SafetyFilter(fetch).corrected(known, wanted), wanted)
     assert torch.equal(SafetyFilter(fetch, SafetyFilterConfig(memory=1)).corrected(known, wanted), wanted)
     assert torch.equal(SafetyFilter(fetch, SafetyFilterConfig(memory=0)).corrected(known, wanted), wanted)
+
+
+def test_it_keeps_off_as_far_as_late_commands_may_carry_it(fetch):
+    """Nothing is nearer than the margin on the way to rest, but it may be where commands act late."""
+    wanted = torch.tensor([[0.8, 0.0]])
+    scan = torch.full((222,), FAR)
+    scan[74:76] = 0.616
+    known = seen(scan, speed=0.8)
+    safety = SafetyFilter(fetch)
+    free = [
+        torch.equal(safety.corrected(replace(known, jitter=torch.tensor([jitter])), wanted), wanted)
+        for jitter in (0.0, 0.05, 0.1, 0.2)
+    ]
+    assert free[0]
+    assert not free[-1]
+    assert torch.equal(safety.corrected(known, wanted), wanted)
 
 
 def test_other_robots_are_left_to_the_agent(fetch):

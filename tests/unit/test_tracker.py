@@ -127,6 +127,23 @@ def test_the_scan_is_moved_along(pair):
     assert float(now - shown) == pytest.approx(0.4 * 0.8, abs=0.05)
 
 
+def test_a_turn_brings_into_view_what_was_seen_before(pair):
+    """A robot looks around, then back: its scan is shown from where it will look, farther than it sees now."""
+    late = Disturbances(command_delay=0.4)
+
+    def looking(step, batch):
+        del batch
+        return torch.tensor([[0.0, 1.5 if step < 6 else -1.5], [0.0, 0.0]])
+
+    starts = [[-4.0, -3.0, 0.0], [5.0, 5.0, 0.0]]
+    batch, _, seen = driven(pair, late, "tracker", looking, starts, steps=16, seeds=[0])
+    batch.step(looking(16, batch).expand(1, 2, 2))
+    shown = seen[-1].scan[0]
+    batch.step(looking(17, batch).expand(1, 2, 2))
+    wrong = (shown - batch.state.scans[0, 0, : len(shown)]).abs() > 0.15
+    assert float(wrong.float().mean()) < 0.03
+
+
 @pytest.mark.parametrize("fault", ["frozen", "blind", "nan", "half"])
 def test_a_lidar_that_fails_is_noticed_and_the_robot_stops(pair, fault):
     broken = Disturbances(scan_std=0.01, fault=fault, fault_rate=0.5, fault_time=3.0)

@@ -33,6 +33,8 @@ MANOEUVRE = 1.0
 """Seconds for which a robot speeds up or slows down (Singer 1970)."""
 STILL = 0.05
 """m/s and rad/s below which a robot stands."""
+RECENT, EVERY = 16, 2
+"""Control steps for which scans are kept, and the distance of those that are used."""
 FEW = 8
 """Beams that must have hit something to tell whether a lidar works."""
 
@@ -76,6 +78,23 @@ class _Tracks:
         )
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """A scan, the pose it was taken from, and where the team was then."""
+
+    pose: Float[Tensor, "b 3"]
+    scan: Float[Tensor, "b k"]
+    team: Float[Tensor, "b n 2"]
+
+    def where(self, chosen: Bool[Tensor, "b"], other: _Seen) -> _Seen:
+        """Return this one where chosen, the other elsewhere."""
+        return _Seen(
+            torch.where(chosen[:, None], self.pose, other.pose),
+            torch.where(chosen[:, None], self.scan, other.scan),
+            torch.where(chosen[:, None, None], self.team, other.team),
+        )
+
+
 class Tracker(Estimator):
     """Tracks all robots of a team for one of them.
 
@@ -99,6 +118,7 @@ class Tracker(Estimator):
         own = disturbances[agent]
         self.sensing = self.config.delay * own.sensing_delay
         self.horizon = self.config.delay * own.latency
+        self.jitter = self.config.delay * (own.sensing_jitter + own.command_jitter)
         self._durations = _durations(self.horizon)
         numbers = [
             _track(robot, theirs, None if i == agent else own, self.config)
@@ -122,6 +142,7 @@ class Tracker(Estimator):
         self._scan = cleaned(reading.scan, self.lidar)
         self._sent = reading.scan
         self._pose = self._own_pose()
+        self._recent: list[_Seen] = [self._seen()]
         return self._estimate()
 
     def update(self, reading: Reading, command: Float[Tensor, "b 2"]) -> Estimate:
@@ -141,6 +162,7 @@ class Tracker(Estimator):
         pose = self._own_pose()
         self._believe_scan(reading, pose)
         self._pose = pose
+        self._recent = [self._seen(), *self._recent[: RECENT - 1]]
         if self.config.sightings:
             wp.launch(
                 kernels.sight,
@@ -161,6 +183,8 @@ class Tracker(Estimator):
         self._scan = torch.where(mine[:, None], cleaned(reading.scan, self.lidar), self._scan)
         self._sent = torch.where(mine[:, None], reading.scan, self._sent)
         self._pose = self._own_pose()
+        now = self._seen()
+        self._recent = [now.where(robots.any(1), seen) for seen in self._recent]
         return self._estimate()
 
     def _begin(self, reading: Reading, chosen: Bool[Tensor, "b n"]) -> None:
@@ -180,7 +204,7 @@ class Tracker(Estimator):
 
     def _believe_scan(self, reading: Reading, pose: Float[Tensor, "b 3"]) -> None:
         """Take the new scan, or where it cannot be right the last one that could, moved along."""
-        expected = self._moved(self._scan, self._pose, pose)
+        expected = self._moved(self._recent[:1], pose)
         sent, last = reading.scan, self._sent
         hit = sent < kernels.MISSED * self.lidar.max_range
         should = expected < 0.9 * self.lidar.max_range
@@ -209,22 +233,27 @@ class Tracker(Estimator):
         )  # fmt: skip
         velocity, scan = velocities[:, self.agent], self._scan
         if self.horizon:
-            scan = self._moved(scan, self._pose, poses[:, self.agent])
+            scan = self._moved(self._recent[::EVERY], poses[:, self.agent])
         return Estimate(
             poses, velocity, scan, velocities=velocities, std=std, ages=self._now.silent.clone(),
-            scan_age=self._scan_age,
+            scan_age=self._scan_age, jitter=torch.full((size,), self.jitter),
         )  # fmt: skip
 
-    def _moved(
-        self, scan: Float[Tensor, "b k"], before: Float[Tensor, "b 3"], after: Float[Tensor, "b 3"]
-    ) -> Float[Tensor, "b k"]:
-        moved = torch.empty_like(scan)
+    def _seen(self) -> _Seen:
+        return _Seen(self._pose, self._scan, self._now.states[..., :2].clone())
+
+    def _moved(self, seen: Sequence[_Seen], after: Float[Tensor, "b 3"]) -> Float[Tensor, "b k"]:
+        """Return what the newest scan, and earlier ones where it does not reach, show from another pose."""
+        poses = torch.stack([each.pose for each in seen], 1)
+        scans = torch.stack([each.scan for each in seen], 1)
+        team = torch.stack([each.team for each in seen], 1)
+        moved, told = torch.empty_like(self._scan), torch.empty(self._scan.shape, dtype=torch.int32)
         wp.launch(
-            kernels.move_scan,
-            dim=len(scan),
+            kernels.move_scans,
+            dim=len(after),
             inputs=[
-                vectors(before), vectors(after), wp.from_torch(scan), vectors(self._beams), self._view,
-                wp.from_torch(moved),
+                vectors(poses), wp.from_torch(scans), vectors(team), vectors(after), self.agent,
+                vectors(self._beams), self._view, self._tracks, wp.from_torch(told), wp.from_torch(moved),
             ],
         )  # fmt: skip
         return moved

@@ -28,6 +28,8 @@ ACROSS = wp.constant(8)
 """Beams that a surface seen between two neighbouring beams may fill once the lidar has come nearer."""
 SURFACE = wp.constant(0.25)
 """Metres by which the ranges of neighbouring beams differ at most on one surface."""
+AROUND = wp.constant(0.15)
+"""Metres around a robot within which an earlier scan may have seen it."""
 MISSED = wp.constant(0.999)
 """Share of the maximum range from which on a beam hit nothing."""
 
@@ -524,64 +526,109 @@ def forecast(
 
 
 @wp.func
-def nearer(row: int, beam: int, distance: float, moved: wp.array2d(dtype=float)):
-    """Keep the nearer of two ranges."""
+def show(
+    row: int,
+    beam: int,
+    distance: float,
+    entry: int,
+    moved: wp.array2d(dtype=float),
+    told: wp.array2d(dtype=wp.int32),
+):
+    """Keep the nearer of two ranges of one scan; what a newer scan told stays."""
     if beam >= 0 and beam < moved.shape[1]:
-        moved[row, beam] = wp.min(moved[row, beam], distance)
+        if told[row, beam] < 0:
+            told[row, beam] = entry
+            moved[row, beam] = distance
+        elif told[row, beam] == entry:
+            moved[row, beam] = wp.min(moved[row, beam], distance)
 
 
 @wp.kernel
-def move_scan(
-    before: wp.array(dtype=wp.vec3),
+def move_scans(
+    poses: wp.array2d(dtype=wp.vec3),
+    scans: wp.array3d(dtype=float),
+    mates: wp.array3d(dtype=wp.vec2),
     after: wp.array(dtype=wp.vec3),
-    scans: wp.array2d(dtype=float),
+    agent: int,
     beams: wp.array(dtype=wp.vec2),
     view: View,
+    tracks: wp.array(dtype=Track),
+    told: wp.array2d(dtype=wp.int32),
     moved: wp.array2d(dtype=float),
 ):
     """Show what a scan would be from another pose, if nothing but the robot moved.
 
+    Earlier scans show what the newest does not, without what they saw on other robots.
+
     Args:
-        before: pose of the robot when it was taken, world frame.
-        after: pose to show it from.
-        scans: metres.
+        poses: (row, entry), of the robot when each scan was taken, newest first, world frame.
+        scans: (row, entry, beam), metres.
+        mates: (row, entry, robot), where the team was then, metres.
+        after: pose to show them from.
+        agent: index of the robot.
         beams: their directions in the lidar's frame.
         view: numbers of the lidar.
-        moved: out; where nothing is known, the range of the same beam before.
+        tracks: of the team, for their size.
+        told: out; number of the scan that each beam is from, -1 for none.
+        moved: out; where nothing is known, the range of the nearest beam that is; of two, the farther.
     """
     row = wp.tid()
-    old = composed(before[row], view.mount)
     new = composed(after[row], view.mount)
     cos = wp.cos(new[2])
     sin = wp.sin(new[2])
-    gap = wp.vec2(old[0] - new[0], old[1] - new[1])
-    eye = wp.vec2(cos * gap[0] + sin * gap[1], cos * gap[1] - sin * gap[0])
-    turn = old[2] - new[2]
-    tcos = wp.cos(turn)
-    tsin = wp.sin(turn)
-    unknown = 2.0 * view.max_range
     for k in range(view.beams):
-        moved[row, k] = unknown
-    last_beam = int(0)
-    last_distance = float(0.0)
-    last_range = float(0.0)
+        told[row, k] = -1
+    for entry in range(scans.shape[1]):
+        old = composed(poses[row, entry], view.mount)
+        gap = wp.vec2(old[0] - new[0], old[1] - new[1])
+        eye = wp.vec2(cos * gap[0] + sin * gap[1], cos * gap[1] - sin * gap[0])
+        turn = old[2] - new[2]
+        tcos = wp.cos(turn)
+        tsin = wp.sin(turn)
+        last_beam = int(0)
+        last_distance = float(0.0)
+        last_range = float(1.0e6)
+        for k in range(view.beams):
+            distance = scans[row, entry, k]
+            ray = distance * beams[k]
+            point = eye + wp.vec2(tcos * ray[0] - tsin * ray[1], tsin * ray[0] + tcos * ray[1])
+            mate = bool(False)
+            if entry > 0:
+                place = wp.vec2(
+                    new[0] + cos * point[0] - sin * point[1], new[1] + sin * point[0] + cos * point[1]
+                )
+                for robot in range(mates.shape[2]):
+                    near = wp.length(place - mates[row, entry, robot]) < tracks[robot].radius + AROUND
+                    mate = mate or (robot != agent and near)
+            if mate:
+                last_range = 1.0e6
+            else:
+                angle = wp.atan2(point[1], point[0])
+                beam = int(wp.round((angle + view.half_view) / view.step))
+                seen = wp.where(distance < MISSED * view.max_range, wp.length(point), view.max_range)
+                show(row, beam, seen, entry, moved, told)
+                across = beam - last_beam
+                if across > 1 and across <= ACROSS and wp.abs(distance - last_range) < SURFACE:
+                    for between in range(1, across):
+                        share = float(between) / float(across)
+                        filled = last_distance + share * (seen - last_distance)
+                        show(row, last_beam + between, filled, entry, moved, told)
+                last_beam = beam
+                last_distance = seen
+                last_range = distance
     for k in range(view.beams):
-        distance = scans[row, k]
-        ray = distance * beams[k]
-        point = eye + wp.vec2(tcos * ray[0] - tsin * ray[1], tsin * ray[0] + tcos * ray[1])
-        angle = wp.atan2(point[1], point[0])
-        beam = int(wp.round((angle + view.half_view) / view.step))
-        seen = wp.where(distance < MISSED * view.max_range, wp.length(point), view.max_range)
-        nearer(row, beam, seen, moved)
-        across = beam - last_beam
-        if k > 0 and across > 1 and across <= ACROSS and wp.abs(distance - last_range) < SURFACE:
-            for between in range(1, across):
-                share = float(between) / float(across)
-                nearer(row, last_beam + between, last_distance + share * (seen - last_distance), moved)
-        last_beam = beam
-        last_distance = seen
-        last_range = distance
+        if told[row, k] < 0:
+            before = int(k)
+            beyond = int(k)
+            while before >= 0 and told[row, before] < 0:
+                before -= 1
+            while beyond < view.beams and told[row, beyond] < 0:
+                beyond += 1
+            nearest = float(0.0)
+            if before >= 0:
+                nearest = moved[row, before]
+            if beyond < view.beams:
+                nearest = wp.max(nearest, moved[row, beyond])
+            moved[row, k] = wp.where(nearest > 0.0, nearest, view.max_range)
     for k in range(view.beams):
-        if moved[row, k] >= unknown:
-            moved[row, k] = scans[row, k]
         moved[row, k] = wp.clamp(moved[row, k], view.min_range, view.max_range)
