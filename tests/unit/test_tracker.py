@@ -128,7 +128,7 @@ def test_the_scan_is_moved_along(pair):
 
 
 def test_a_turn_brings_into_view_what_was_seen_before(pair):
-    """A robot looks around, then back: its scan is shown from where it will look, farther than it sees now."""
+    """A robot looks around, then back: its scan shows where it will look, which it does not see yet."""
     late = Disturbances(command_delay=0.4)
 
     def looking(step, batch):
