@@ -56,7 +56,7 @@ class Sensing:
         self.disturbances = tuple([disturbances] * len(robots) if one else disturbances)
         self.sensors = Sensors([robot.lidar for robot in robots], self.disturbances)
         self.estimators = list(estimators or [Raw(robot.lidar) for robot in robots])
-        self._memories = [_Memory(agent, history, keyframes) for agent in range(len(robots))]
+        self._memories = [ObservationMemory(agent, history, keyframes) for agent in range(len(robots))]
 
     @property
     def rng(self) -> EpisodeRng:
@@ -116,11 +116,11 @@ class Sensing:
         """Return what one agent knows."""
         return self._memories[agent].observation()
 
-    def _each(self, readings: Sequence[Reading]) -> Iterable[tuple[Reading, Estimator, _Memory]]:
+    def _each(self, readings: Sequence[Reading]) -> Iterable[tuple[Reading, Estimator, ObservationMemory]]:
         return zip(readings, self.estimators, self._memories, strict=True)
 
 
-class _Memory:
+class ObservationMemory:
     """What one agent remembers: a history of every control step, and keyframes of every second."""
 
     def __init__(self, agent: int, history: int, keyframes: int) -> None:
