@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
@@ -14,7 +12,7 @@ from hpp_framework.core.estimator import Estimator, Reading
 from hpp_framework.core.robot import Lidar
 from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation
-from hpp_framework.deploy.port import Command, Fix, Inbox, Message, Scan
+from hpp_framework.deploy.port import Command, Fix, Inbox, Message, Motion, Scan
 from hpp_framework.perception.sensing import HISTORY, KEYFRAMES, ObservationMemory
 from hpp_framework.utils.errors import ConfigError
 
@@ -134,6 +132,19 @@ class Assembly:
             torch.from_numpy(self._resampled(inbox.scan))[None],
         )
 
+    def empty_room(self) -> Inbox:
+        """Return what would come if all robots stood in an endless empty room, 3 m apart."""
+        lidar = self.team.robots[self.me].lidar
+        scan = Scan(
+            stamp=0.0, arrived=0.0, ranges=np.full(721, np.inf, np.float32),
+            angle_min=-math.pi, angle_increment=math.pi / 360,
+            range_min=lidar.min_range, range_max=lidar.max_range,
+        )  # fmt: skip
+        poses = {name: (3.0 * place, 0.0, 0.0) for place, name in enumerate(self.team.ids)}
+        fixes = {name: Fix(stamp=0.0, arrived=0.0, pose=pose) for name, pose in poses.items()}
+        motion = Motion(stamp=0.0, arrived=0.0, velocity=(0.0, 0.0))
+        return Inbox(now=0.0, clock=0.0, scan=scan, motion=motion, fixes=fixes)
+
     def begin(self, reading: Reading) -> None:
         """Begin anew: the robot is at rest and nothing is remembered."""
         self._memory.reset(self.estimator.reset(reading))
@@ -162,7 +173,3 @@ def age(message: Message, inbox: Inbox) -> float:
     """Return seconds since a message was measured, by its stamp."""
     return inbox.clock - message.stamp
 
-
-def ages(messages: Sequence[Message | None], inbox: Inbox) -> list[float]:
-    """Return seconds since messages came; infinite for those that never did."""
-    return [math.inf if each is None else inbox.now - each.arrived for each in messages]

@@ -12,7 +12,7 @@ import torch
 from hpp_framework.core.agent import Agent
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.deploy.assembly import Assembly
-from hpp_framework.deploy.port import HALT, Command, Inbox, RobotPort, View
+from hpp_framework.deploy.port import HALT, Command, RobotPort, View
 from hpp_framework.deploy.safety import OWN, Gate
 
 
@@ -63,26 +63,20 @@ class RobotLoop:
         self.armed, self._doubted = False, False
         self._sent: Command = HALT
 
-    def warm_up(self, inbox: Inbox, plans: int = 2) -> bool:
-        """Let the agent act on what is there, unsent: a first plan compiles kernels and takes seconds.
+    def warm_up(self, plans: int = 2) -> None:
+        """Let the agent act in an empty room, unsent: a first plan compiles kernels and takes seconds.
 
         Args:
-            inbox: with a reading of everything.
             plans: that it makes.
-
-        Returns:
-            Whether everything was there.
         """
-        reading = self.assembly.reading(inbox)
-        if reading is None:
-            return False
+        reading = self.assembly.reading(self.assembly.empty_room())
+        assert reading is not None, "an empty room lacks nothing"
         for _ in range(plans):
             self.agent.reset([0])
             self.assembly.begin(reading)
             for _ in range(2):
                 self.agent.act(self.assembly.observation())
                 self.assembly.update(reading, HALT)
-        return True
 
     def step(self) -> Step:
         """Do one control step."""
@@ -125,14 +119,23 @@ def drive(loop: RobotLoop, *, seconds: float, report: Callable[[Step], None] = l
     """
     late, now = 0, loop.port.latest().now
     end, due = now + seconds, now
+    episode = loop.port.episode
     try:
         while now < end:
+            if loop.port.episode is not None and loop.port.episode != episode:
+                episode = loop.port.episode
+                loop.begin(episode)
             report(loop.step())
             due += CONTROL_PERIOD
             now = loop.port.latest().now
             if now > due:
                 late, due = late + 1, now
             loop.port.wait(due)
+            inbox = loop.port.latest()
+            if inbox.scan is not None and inbox.now - inbox.scan.arrived > CONTROL_PERIOD / 2:
+                # a slow lidar sets the pace: steps follow its scans at once, not at any phase
+                loop.port.wait(due + CONTROL_PERIOD / 2, for_scan=True)
+                due = loop.port.latest().now
     finally:
         loop.halt()
     return late

@@ -121,8 +121,35 @@ class View:
     reasons: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class Traffic:
+    """What has come on one topic.
+
+    Attributes:
+        topic: its name.
+        type: of its messages.
+        count: messages.
+        age: seconds from the newest one's stamp to its arrival; NaN where there is none.
+        frame: of the newest one.
+        others: topics of this type that there are, if none came.
+    """
+
+    topic: str
+    type: str
+    count: int = 0
+    age: float = float("nan")
+    frame: str = ""
+    others: tuple[str, ...] = ()
+
+
 class RobotPort(ABC):
-    """One robot. It reads the robot's own sensors, and of teammates their poses alone."""
+    """One robot. It reads the robot's own sensors, and of teammates their poses alone.
+
+    Attributes:
+        episode: seed of the episode that the world of a rehearsal has begun; None on robots.
+    """
+
+    episode: int | None = None
 
     @abstractmethod
     def latest(self) -> Inbox:
@@ -136,9 +163,48 @@ class RobotPort(ABC):
         """Publish what the agent is up to; nothing unless a backend can."""
         del view
 
-    def wait(self, until: float) -> None:
-        """Let messages come until a time of the clock that never jumps; nothing where time is simulated."""
-        del until
+    def wait(self, until: float, *, for_scan: bool = False) -> None:
+        """Let messages come until a time of the clock that never jumps; nothing where time is simulated.
+
+        Args:
+            until: seconds.
+            for_scan: whether a new scan ends it sooner.
+        """
+        del until, for_scan
+
+    def traffic(self) -> list[Traffic]:
+        """Return what has come on each topic so far; nothing where there are no topics."""
+        return []
+
+    def close(self) -> None:
+        """Give back what the port holds; safe to call twice."""
+        return
+
+
+class TeamPort(ABC):
+    """The other end: all robots of a simulated team, in real time.
+
+    Attributes:
+        goals: that the robots' agents show, by index; NaN before the first.
+    """
+
+    goals: list[tuple[float, float]]
+
+    @abstractmethod
+    def publish(self, robot: int, scan: Scan, motion: Motion, fix: Fix) -> None:
+        """Send what one robot's sensors say."""
+
+    @abstractmethod
+    def times(self) -> tuple[float, float]:
+        """Return the time by the clock that never jumps, and by the one that all share."""
+
+    @abstractmethod
+    def wait(self, until: float) -> list[tuple[int, Command]]:
+        """Return the commands, by robot, that come until a time of the clock that never jumps."""
+
+    def begin(self, seed: int) -> None:
+        """Tell all agents that a new episode begins."""
+        del seed
 
     def close(self) -> None:
         """Give back what the port holds; safe to call twice."""

@@ -91,13 +91,15 @@ class SimulatedTeam:
         """Return what reaches a robot's agent now."""
         return self._taps[robot].reading
 
-    def step(self, goals: Float[Tensor, "n 2"]) -> None:
+    def step(self, goals: Float[Tensor, "n 2"], now: float | None = None) -> None:
         """Drive for one control period as the watchdogs say.
 
         Args:
             goals: that the agents have now, for reports.
+            now: seconds, of the clock by which the watchdogs took commands; None for simulated time.
         """
-        commands = torch.tensor([[dog.command(self.now) for dog in self.watchdogs]], dtype=torch.float32)
+        now = self.now if now is None else now
+        commands = torch.tensor([[dog.command(now) for dog in self.watchdogs]], dtype=torch.float32)
         self._goals.append(goals)
         self._poses.append(self.batch.step(commands).poses)
 
