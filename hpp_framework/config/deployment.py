@@ -66,6 +66,7 @@ class GateConfig(FileModel):
         settle: seconds without a fault before the robot drives again.
         unseen: share of the beams that may send no range.
         geofence: x_min, y_min, x_max, y_max in metres that the robot must not leave.
+        protect: whether the robot slows down so that it can stop before what its lidar sees on its arc.
         shape: whether commands speed up no faster than the drive can.
     """
 
@@ -79,6 +80,7 @@ class GateConfig(FileModel):
     geofence: Annotated[
         Fence | None, numbers("x_min", "y_min", "x_max", "y_max"), AfterValidator(_ordered)
     ] = None
+    protect: Flag = True
     shape: Flag = True
 
 

@@ -51,5 +51,7 @@ class LoopBuilder:
         """
         name, members = self.team.ids[me], self.experiment.members
         assembly = Assembly(self.team, me, self.estimators[me], topics_of(members, name))
-        gate = Gate(self.team.robots[me].drive, name, self.team.ids, gate_of(members, name))
+        own = self.experiment.team_disturbances(self.team)[me]
+        reaction = own.latency + own.sensing_jitter + own.command_jitter
+        gate = Gate(self.team.robots[me], name, self.team.ids, gate_of(members, name), reaction)
         return RobotLoop(self.agents[me], assembly, gate, port)

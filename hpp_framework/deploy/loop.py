@@ -13,7 +13,7 @@ from hpp_framework.core.agent import Agent
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.deploy.assembly import Assembly
 from hpp_framework.deploy.port import HALT, Command, RobotPort, View
-from hpp_framework.deploy.safety import OWN, Gate
+from hpp_framework.deploy.safety import LOST, Gate
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class RobotLoop:
         if reading is None or not (self.armed or not reasons):
             missing = tuple(self.assembly.missing(inbox))
             return Step(None, missing or reasons, time.perf_counter() - began)
-        self._doubted |= bool(OWN & set(reasons))
+        self._doubted |= bool(LOST & set(reasons))
         if not self.armed or (self._doubted and not reasons):
             # what was estimated and remembered meanwhile is wrong; the robot is at rest
             self.assembly.begin(reading)
@@ -95,7 +95,7 @@ class RobotLoop:
         else:
             self.assembly.update(reading, self._sent)
         wanted = self.agent.act(self.assembly.observation())[0].tolist()
-        self._sent = self.gate.passed((wanted[0], wanted[1]), reasons)
+        self._sent = self.gate.passed((wanted[0], wanted[1]), reasons, reading.scan[0].numpy())
         self.port.send(self._sent)
         self.seconds.append(time.perf_counter() - began)
         self.port.show(view_of(self.agent, reasons))

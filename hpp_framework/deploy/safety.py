@@ -11,18 +11,23 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from hpp_framework.config.deployment import GateConfig
-from hpp_framework.core.robot import DriveLimits
+from hpp_framework.core.robot import DriveLimits, RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.deploy.port import HALT, Command, Fix, Inbox, Motion, Scan
 
-WATCHDOG = 0.5
-"""Seconds without a command after which the wheels stop."""
+WATCHDOG = 0.4
+"""Seconds without a command after which the wheels stop: two control periods."""
 STILL = 0.05
 """m/s and rad/s below which a robot stands."""
+STRIDE = 0.05
+"""Metres between the places on an arc at which it is looked for obstacles."""
 STEPPED = 0.1
 """Seconds by which the clock may run faster or slower than time passes between two control steps."""
+GAP = 1.0
+"""Seconds between two poses from which on they tell nothing about jumps."""
 SLACK = 1e-6
 
 REASONS = {
@@ -41,7 +46,9 @@ REASONS = {
     "command": "the agent's command was not finite.",
 }
 """Why the gate brakes, and what to do."""
-OWN = frozenset({"late", "scan", "odometry", "pose", "stamps", "clock", "blind", "frozen", "jump"})
+SENSES = frozenset({"late", "scan", "odometry", "pose", "stamps", "clock", "blind", "frozen", "jump"})
+"""Reasons that hold until the senses have been well for a while."""
+LOST = SENSES - {"blind", "frozen"}
 """Reasons after which what was estimated and remembered is not to be trusted."""
 
 
@@ -49,17 +56,22 @@ class Gate:
     """Decides whether one robot may drive, and limits how.
 
     Args:
-        drive: of the robot.
+        robot: its data.
         me: its id.
         team: ids of all robots.
         config: its limits.
+        reaction: seconds from what the lidar sees to when a command that heeds it acts.
 
     Attributes:
-        counts: control steps braked by reason, and commands limited (``"limited"``).
+        counts: control steps braked by reason, commands limited by the drive (``"limited"``) and slowed down
+            before what the lidar sees (``"slowed"``).
     """
 
-    def __init__(self, drive: DriveLimits, me: str, team: Sequence[str], config: GateConfig) -> None:
-        self.drive, self.me, self.team, self.config = drive, me, tuple(team), config
+    def __init__(
+        self, robot: RobotSpec, me: str, team: Sequence[str], config: GateConfig, reaction: float = 0.0
+    ) -> None:
+        self.robot, self.drive, self.me, self.team = robot, robot.drive, me, tuple(team)
+        self.config, self.reaction = config, reaction + CONTROL_PERIOD
         self.counts: Counter[str] = Counter()
         self.reset()
 
@@ -80,18 +92,30 @@ class Gate:
             found.add("fence")
         if inbox.stopped:
             found.add("stopped")
-        for each in found & OWN:
+        for each in found & SENSES:
             self._until[each] = inbox.now + self.config.settle
         held = {each for each, until in self._until.items() if inbox.now < until - SLACK}
         return tuple(sorted(found | held))
 
-    def passed(self, command: Command, reasons: Sequence[str]) -> Command:
-        """Return what may be sent of a command: all of it, what the drive can follow of it, or a halt."""
+    def passed(
+        self, command: Command, reasons: Sequence[str], ranges: Float[np.ndarray, "k"] | None = None
+    ) -> Command:
+        """Return what may be sent of a command: all of it, what the drive can follow of it, or a halt.
+
+        Args:
+            command: of the agent.
+            reasons: to brake.
+            ranges: of the lidar, metres; None looks at nothing.
+        """
         if not all(map(math.isfinite, command)):
             reasons = [*reasons, "command"]
         self.counts.update(reasons)
         wanted = HALT if reasons else limited(command, self.drive)
         self.counts["limited"] += bool(not reasons and wanted != command)
+        if self.config.protect and ranges is not None:
+            slower = self._stoppable(wanted, ranges)
+            self.counts["slowed"] += slower < abs(wanted[0]) - SLACK
+            wanted = (math.copysign(min(abs(wanted[0]), slower), wanted[0]), wanted[1])
         if self.config.shape:
             gains = (self.drive.acceleration * CONTROL_PERIOD, self.drive.turn_acceleration * CONTROL_PERIOD)
             pairs = list(zip(wanted, self._wheels, gains, strict=True))
@@ -100,6 +124,33 @@ class Gate:
             follow = [at + np.clip(to - at, -gain, gain).item() for to, (_, at, gain) in zip(wanted, pairs)]
             self._wheels = (follow[0], follow[1])
         return wanted[0], wanted[1]
+
+    def _stoppable(self, command: Command, ranges: Float[np.ndarray, "k"]) -> float:
+        """Return the highest speed from which the robot still stops before what its lidar sees on its arc."""
+        speed, slowing = abs(command[0]), self.drive.acceleration
+        if speed < SLACK:
+            return speed
+        lidar, radius = self.robot.lidar, self.robot.footprint_radius
+        bearings = lidar.angles() + lidar.mount[2]
+        hit = ranges < 0.999 * lidar.max_range  # NaN is none
+        points = np.stack([np.cos(bearings), np.sin(bearings)], -1)[hit] * ranges[hit, None]
+        points += np.array(lidar.mount[:2])
+        reach = speed * self.reaction + speed**2 / (2 * slowing)
+        along = np.arange(0.0, reach + STRIDE, STRIDE)
+        sign = math.copysign(1.0, command[0])
+        turned = along * command[1] / speed
+        middles = np.cumsum(STRIDE * np.stack([sign * np.cos(turned), sign * np.sin(turned)], -1), 0)
+        middles = np.concatenate([np.zeros((1, 2)), middles[:-1]])
+        near = np.linalg.norm(points - middles[:, None], axis=-1) < radius
+        # what is beside or behind a robot does not keep it from leaving
+        near[0] &= points[:, 0] * sign > 0
+        near[1:] &= ~(np.linalg.norm(points, axis=-1) < radius)
+        blocked = near.any(1)
+        if not blocked.any():
+            return speed
+        free = along[max(int(blocked.argmax()) - 1, 0)]
+        lag = slowing * self.reaction
+        return math.sqrt(lag**2 + 2 * slowing * free) - lag
 
     def _missing(self, inbox: Inbox) -> list[str]:
         config = self.config
@@ -143,10 +194,11 @@ class Gate:
         if before is None or fix is None or motion is None or before.stamp == fix.stamp:
             return False
         passed = max(abs(fix.stamp - before.stamp), CONTROL_PERIOD)
+        if passed > GAP:
+            return False
         speed, turn = map(abs, motion.velocity)
         distance = math.dist(before.pose[:2], fix.pose[:2])
         turned = abs(math.remainder(fix.pose[2] - before.pose[2], 2 * math.pi))
-        passed = min(passed, 1.0)
         return (
             distance > self.config.jump + speed * passed or turned > self.config.turn_jump + turn * passed
         )
