@@ -63,10 +63,11 @@ class GateConfig(FileModel):
         silence: seconds without a pose of a teammate before the robot brakes.
         jump: metres by which the own pose may differ from what odometry says between two control steps.
         turn_jump: the same of the heading, radians.
-        settle: seconds without a fault before the robot drives again.
+        settle: seconds at rest without a fault of its senses before the robot drives again.
         unseen: share of the beams that may send no range.
         geofence: x_min, y_min, x_max, y_max in metres that the robot must not leave.
         protect: whether the robot slows down so that it can stop before what its lidar sees on its arc.
+        margin: metres that it keeps from what it sees; other robots may be wider below their lidar's plane.
         shape: whether commands speed up no faster than the drive can.
     """
 
@@ -81,6 +82,7 @@ class GateConfig(FileModel):
         Fence | None, numbers("x_min", "y_min", "x_max", "y_max"), AfterValidator(_ordered)
     ] = None
     protect: Flag = True
+    margin: NonNegative = 0.08
     shape: Flag = True
 
 

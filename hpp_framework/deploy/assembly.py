@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
@@ -172,4 +173,3 @@ class Assembly:
 def age(message: Message, inbox: Inbox) -> float:
     """Return seconds since a message was measured, by its stamp."""
     return inbox.clock - message.stamp
-

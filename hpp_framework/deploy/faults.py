@@ -72,7 +72,9 @@ def parse_fault(text: str, ids: Sequence[str]) -> Fault:
     try:
         fault = Fault(kind, robot, float(begin), float(seconds) if plus else math.inf)  # type: ignore[arg-type]  # checked above
     except ValueError as error:
-        raise ConfigError(f"fault '{text}': write its times as @BEGIN or @BEGIN+SECONDS, e.g. @2+5.") from error
+        raise ConfigError(
+            f"fault '{text}': write its times as @BEGIN or @BEGIN+SECONDS, e.g. @2+5."
+        ) from error
     if not (fault.begin >= 0 and fault.seconds > 0):
         raise ConfigError(f"fault '{text}': it must begin at 0 s or later and last longer than 0 s.")
     return fault

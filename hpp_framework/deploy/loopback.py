@@ -83,7 +83,9 @@ def run_loopback(
             None if suspended(faults, name, team.now) else loop.step()
             for name, loop in zip(team.team.ids, loops, strict=True)
         ]
-        goals = [loop.agent.goal[0] if len(loop.agent.goal) else torch.full((2,), torch.nan) for loop in loops]
+        goals = [
+            loop.agent.goal[0] if len(loop.agent.goal) else torch.full((2,), torch.nan) for loop in loops
+        ]
         look(did)
         team.step(torch.stack(goals))
         if not team.running:

@@ -78,6 +78,7 @@ def run_in_loopback(
     faults: Sequence[Fault] = (),
     figures: Figures | None = None,
     watch: Watch = lambda *_: lambda _: None,
+    steps: int = EPISODE_STEPS,
 ) -> Episodes:
     """Run episodes one after the other over the loopback backend.
 
@@ -89,6 +90,7 @@ def run_in_loopback(
         faults: that come about in each episode.
         figures: to add what the control loops did to.
         watch: looks on.
+        steps: control steps an episode, at most.
     """
     figures = figures or Figures()
     builder = LoopBuilder(experiment, planner, next(iter(drawn.values()))[0].bounds)
@@ -104,7 +106,7 @@ def run_in_loopback(
             for port, loop in zip(ports, loops, strict=True):
                 port.begin()
                 loop.begin(seed)
-            run_loopback(simulated, loops, faults, EPISODE_STEPS, watch(simulated, loops))
+            run_loopback(simulated, loops, faults, steps, watch(simulated, loops))
             found.append(simulated.episode(timed))
         for loop in loops:
             figures.add(loop)
@@ -203,7 +205,9 @@ def rehearse(
     """
     figures = Figures()
     if faults and backend != LOOPBACK:
-        raise ConfigError(f"faults come about over the loopback backend only; leave out --fault with {backend}.")
+        raise ConfigError(
+            f"faults come about over the loopback backend only; leave out --fault with {backend}."
+        )
     if backend == LOOPBACK:
         run = partial(run_in_loopback, faults=faults, figures=figures)
     else:

@@ -116,7 +116,9 @@ class Ros2Port(RobotPort):
                 node.create_subscription(Bool, topic, partial(self._stop, topic), profile)
         if rehearsed:
             node.create_subscription(UInt64, EPISODE, self._begin, LATCHED)
-        self._command = node.create_publisher(TwistStamped if names.stamped else Twist, names.cmd_vel, RELIABLE)
+        self._command = node.create_publisher(
+            TwistStamped if names.stamped else Twist, names.cmd_vel, RELIABLE
+        )
         self._plan = node.create_publisher(MarkerArray, names.plan, RELIABLE)
 
     def latest(self) -> Inbox:

@@ -92,9 +92,10 @@ class Gate:
             found.add("fence")
         if inbox.stopped:
             found.add("stopped")
-        for each in found & SENSES:
-            self._until[each] = inbox.now + self.config.settle
         held = {each for each, until in self._until.items() if inbox.now < until - SLACK}
+        moves = inbox.motion is not None and max(map(abs, inbox.motion.velocity)) > STILL
+        for each in found & SENSES | (held if moves else set()):
+            self._until[each] = inbox.now + self.config.settle
         return tuple(sorted(found | held))
 
     def passed(
@@ -121,7 +122,10 @@ class Gate:
             pairs = list(zip(wanted, self._wheels, gains, strict=True))
             # a halt is never softened: the wheels know best how to brake
             wanted = tuple(np.clip(to, min(at, 0) - gain, max(at, 0) + gain).item() for to, at, gain in pairs)
-            follow = [at + np.clip(to - at, -gain, gain).item() for to, (_, at, gain) in zip(wanted, pairs)]
+            follow = [
+                at + np.clip(to - at, -gain, gain).item()
+                for to, (_, at, gain) in zip(wanted, pairs, strict=False)
+            ]
             self._wheels = (follow[0], follow[1])
         return wanted[0], wanted[1]
 
@@ -130,7 +134,7 @@ class Gate:
         speed, slowing = abs(command[0]), self.drive.acceleration
         if speed < SLACK:
             return speed
-        lidar, radius = self.robot.lidar, self.robot.footprint_radius
+        lidar, radius = self.robot.lidar, self.robot.footprint_radius + self.config.margin
         bearings = lidar.angles() + lidar.mount[2]
         hit = ranges < 0.999 * lidar.max_range  # NaN is none
         points = np.stack([np.cos(bearings), np.sin(bearings)], -1)[hit] * ranges[hit, None]
@@ -156,7 +160,9 @@ class Gate:
         config = self.config
         own = {"scan": inbox.scan, "odometry": inbox.motion, "pose": inbox.fixes.get(self.me)}
         found = [
-            name for name, each in own.items() if each is None or inbox.now - each.arrived > config.stale + SLACK
+            name
+            for name, each in own.items()
+            if each is None or inbox.now - each.arrived > config.stale + SLACK
         ]
         if any(each is not None and abs(inbox.clock - each.stamp) > config.late for each in own.values()):
             found.append("stamps")
@@ -199,9 +205,7 @@ class Gate:
         speed, turn = map(abs, motion.velocity)
         distance = math.dist(before.pose[:2], fix.pose[:2])
         turned = abs(math.remainder(fix.pose[2] - before.pose[2], 2 * math.pi))
-        return (
-            distance > self.config.jump + speed * passed or turned > self.config.turn_jump + turn * passed
-        )
+        return distance > self.config.jump + speed * passed or turned > self.config.turn_jump + turn * passed
 
     def _outside(self, inbox: Inbox) -> bool:
         """Return whether the robot would come to rest outside its fence if it braked after this step."""

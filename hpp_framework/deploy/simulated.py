@@ -20,7 +20,7 @@ from hpp_framework.core.schedule import Schedule, presence
 from hpp_framework.core.team import Team
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.world import World
-from hpp_framework.deploy.port import Command, Fix, Motion, Scan
+from hpp_framework.deploy.port import Fix, Motion, Scan
 from hpp_framework.deploy.safety import Watchdog
 from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.rollout import Episodes
@@ -145,9 +145,7 @@ def scan_of(reading: Reading, lidar: Lidar, clock: float, now: float) -> Scan:
 def motion_of(reading: Reading, clock: float, now: float) -> Motion:
     """Return the odometry that a robot sends; see :func:`scan_of`."""
     speed, turn = reading.velocity[0].tolist()
-    return Motion(
-        stamp=clock - float(reading.ages[0, reading.agent]), arrived=now, velocity=(speed, turn)
-    )
+    return Motion(stamp=clock - float(reading.ages[0, reading.agent]), arrived=now, velocity=(speed, turn))
 
 
 def fix_of(reading: Reading, robot: int, clock: float, now: float) -> Fix:

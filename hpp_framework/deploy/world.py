@@ -24,9 +24,7 @@ class RealTimeWorld:
         check: called while agents are waited for; raises if they cannot come.
     """
 
-    def __init__(
-        self, team: SimulatedTeam, port: TeamPort, check: Callable[[], None] = lambda: None
-    ) -> None:
+    def __init__(self, team: SimulatedTeam, port: TeamPort, check: Callable[[], None] = lambda: None) -> None:
         self.team, self.port, self.check = team, port, check
 
     def run(self, steps: int) -> None:
