@@ -81,9 +81,9 @@ class Resampler:
         if not bool(seen[MARGIN:-MARGIN].all()):
             half = math.degrees(self.lidar.field_of_view / 2)
             raise ConfigError(
-                f"the lidar of '{self.robot}' covers {seen.mean():.0%} of the {-half:.0f} to {half:.0f} degrees "
-                "of its description. Set topics.scan_yaw or topics.scan_flipped in the team file, or describe "
-                "the robot as it is: hpp new robot."
+                f"the lidar of '{self.robot}' covers {seen.mean():.0%} of the {-half:.0f} to {half:.0f} "
+                "degrees of its description. Set topics.scan_yaw or topics.scan_flipped in the team file, "
+                "or describe the robot as it is: hpp new robot."
             )
 
 

@@ -153,6 +153,10 @@ def view_of(agent: Agent, reasons: tuple[str, ...]) -> View:
         best = int(belief.imagination.scores[0].argmax())
         paths = belief.imagination.trajectories.poses[0, best, :, :, :2].transpose(0, 1).cpu().numpy()
     return View(
-        goal=point(agent.goal), waypoint=point(agent.waypoint), paths=paths, reasons=reasons,
-        mean=None if belief is None else point(belief.mean), std=None if belief is None else point(belief.std),
-    )  # fmt: skip
+        goal=point(agent.goal),
+        waypoint=point(agent.waypoint),
+        mean=None if belief is None else point(belief.mean),
+        std=None if belief is None else point(belief.std),
+        paths=paths,
+        reasons=reasons,
+    )

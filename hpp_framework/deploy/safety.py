@@ -117,17 +117,17 @@ class Gate:
             slower = self._stoppable(wanted, ranges)
             self.counts["slowed"] += slower < abs(wanted[0]) - SLACK
             wanted = (math.copysign(min(abs(wanted[0]), slower), wanted[0]), wanted[1])
-        if self.config.shape:
-            gains = (self.drive.acceleration * CONTROL_PERIOD, self.drive.turn_acceleration * CONTROL_PERIOD)
-            pairs = list(zip(wanted, self._wheels, gains, strict=True))
-            # a halt is never softened: the wheels know best how to brake
-            wanted = tuple(np.clip(to, min(at, 0) - gain, max(at, 0) + gain).item() for to, at, gain in pairs)
-            follow = [
-                at + np.clip(to - at, -gain, gain).item()
-                for to, (_, at, gain) in zip(wanted, pairs, strict=False)
-            ]
-            self._wheels = (follow[0], follow[1])
-        return wanted[0], wanted[1]
+        return self._shaped(wanted) if self.config.shape else wanted
+
+    def _shaped(self, command: Command) -> Command:
+        """Return a command that speeds up no faster than the drive; a halt is never softened."""
+        gains = (self.drive.acceleration * CONTROL_PERIOD, self.drive.turn_acceleration * CONTROL_PERIOD)
+        sent, follow = list[float](), list[float]()
+        for wanted, wheel, gain in zip(command, self._wheels, gains, strict=True):
+            sent.append(max(min(wheel, 0.0) - gain, min(max(wheel, 0.0) + gain, wanted)))
+            follow.append(wheel + max(-gain, min(gain, sent[-1] - wheel)))
+        self._wheels = (follow[0], follow[1])
+        return sent[0], sent[1]
 
     def _stoppable(self, command: Command, ranges: Float[np.ndarray, "k"]) -> float:
         """Return the highest speed from which the robot still stops before what its lidar sees on its arc."""

@@ -174,8 +174,12 @@ def test_scans_of_lidars_that_are_mounted_otherwise_are_the_same(how):
     plain = _scan()
     if how == "clockwise":
         found = Resampler(FETCH.lidar)(
-            _scan(ranges=plain.ranges[::-1].copy(), angle_min=-plain.angle_min, angle_increment=-plain.angle_increment)
-        )  # fmt: skip
+            _scan(
+                ranges=plain.ranges[::-1].copy(),
+                angle_min=-plain.angle_min,
+                angle_increment=-plain.angle_increment,
+            )
+        )
     elif how == "flipped":
         found = Resampler(FETCH.lidar, flipped=True)(_scan(ranges=plain.ranges[::-1].copy()))
     else:
