@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -57,6 +58,15 @@ from hpp_framework.plugins.registry import hub  # noqa: E402  # after the hook
 
 # two threads on shared cores are slower than one, and one is the same on every machine
 torch.set_num_threads(1)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave tests that take minutes to those who ask for them."""
+    if os.environ.get("HPP_TESTS") == "all":
+        return
+    for item in items:
+        if item.get_closest_marker("minutes"):
+            item.add_marker(pytest.mark.skip(reason="takes minutes; set HPP_TESTS=all"))
 
 
 @pytest.fixture(scope="session")

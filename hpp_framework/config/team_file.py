@@ -17,6 +17,7 @@ from hpp_framework.config.sensing_choice import parse_disturbances
 from hpp_framework.config.yaml_files import FileModel, checked, is_yaml, read_yaml
 from hpp_framework.core.team import Member, Team
 from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.builtin import DEFAULT_SKILL
 from hpp_framework.plugins.registry import Registry, hub
 from hpp_framework.utils.errors import HppError
 from hpp_framework.utils.validation import LISTED, NonNegative, Text, filled, mistake, unknown
@@ -131,7 +132,7 @@ class TeamFile(Defaults):
         return self
 
 
-def resolve_team(text: str, *, skill: str = "p2p") -> Team:
+def resolve_team(text: str, *, skill: str = DEFAULT_SKILL) -> Team:
     """Return the team of a file, or of text like ``"fetch,freight"``.
 
     Args:

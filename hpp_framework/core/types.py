@@ -161,9 +161,10 @@ class Observation:
         """Return what the agent itself knows in some of the episodes."""
         kept = self.keyframes and Keyframes(self.keyframes.poses[chosen], self.keyframes.scans[chosen])
         believed = (self.velocities, self.std, self.ages, self.scan_age, self.jitter)
+        velocities, std, ages, scan_age, jitter = (None if e is None else e[chosen] for e in believed)
         return Observation(
-            self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept,
-            *(None if each is None else each[chosen] for each in believed),
+            self.agent, self.poses[chosen], self.scans[chosen], self.velocity[chosen], kept, velocities, std,
+            ages, scan_age, jitter,
         )  # fmt: skip
 
     @property

@@ -27,6 +27,7 @@ from hpp_framework.core.world import World
 from hpp_framework.envs.spaces import check_bounds, to_numbers
 from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.builtin import DEFAULT_TASK, UNDISTURBED
 from hpp_framework.sim import make_simulator
 from hpp_framework.utils.errors import ConfigError, SimulatorError
 from hpp_framework.utils.seeding import numpy_rng
@@ -51,8 +52,8 @@ class EpisodeConfig:
         max_steps: control steps before truncation (100 are 20 s, as in the paper).
     """
 
-    task: str | Task = "rendezvous"
-    disturbances: str = "ideal"
+    task: str | Task = DEFAULT_TASK
+    disturbances: str = UNDISTURBED
     estimator: str = "none"
     backend: str = "batch"
     max_steps: Count = 100

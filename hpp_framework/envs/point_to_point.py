@@ -33,6 +33,7 @@ from hpp_framework.envs.spaces import (
     unit_space,
 )
 from hpp_framework.episodes.core import EpisodeBatch
+from hpp_framework.plugins.builtin import DEFAULT_ROBOT, DEFAULT_WORLD
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.errors import ConfigError, SimulatorError
@@ -86,8 +87,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self,
         num_envs: int = 1,
         *,
-        robot: str | RobotSpec = "fetch",
-        world: str = "training",
+        robot: str | RobotSpec = DEFAULT_ROBOT,
+        world: str = DEFAULT_WORLD,
         pool_size: int = 64,
         robots_per_world: int = 1,
         problem: PointToPoint | None = None,

@@ -39,7 +39,7 @@ from hpp_framework.envs.spaces import (
     unit_space,
 )
 from hpp_framework.plugins.build import MakeOption, make_option
-from hpp_framework.plugins.builtin import DEFAULT_CONTROL
+from hpp_framework.plugins.builtin import DEFAULT_BASELINE, DEFAULT_CONTROL, DEFAULT_TEAM, DEFAULT_WORLD
 from hpp_framework.utils.errors import ConfigError, SimulatorError
 from hpp_framework.utils.seeding import EpisodeRng
 from hpp_framework.utils.validation import Count, Positive, validated
@@ -103,11 +103,11 @@ class RendezvousEnv(gym.Env[Any, Any]):
 
     def __init__(
         self,
-        team: Team | str = "fetch,freight",
+        team: Team | str = DEFAULT_TEAM,
         *,
-        world: World | str = "training",
+        world: World | str = DEFAULT_WORLD,
         learner: int = 0,
-        teammates: str | MakePlanner = "centralized-mp",
+        teammates: str | MakePlanner = DEFAULT_BASELINE,
         config: HierarchyConfig | None = None,
         render_mode: str | None = None,
     ) -> None:

@@ -14,6 +14,7 @@ from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.envs.point_to_point import PointToPointVectorEnv
 from hpp_framework.envs.problem import PointToPoint
 from hpp_framework.envs.spaces import FloatArray, check_action
+from hpp_framework.plugins.builtin import DEFAULT_ROBOT, DEFAULT_WORLD
 from hpp_framework.utils.errors import SimulatorError
 from hpp_framework.viz.picture import Picture, check_mode
 
@@ -40,8 +41,8 @@ class PointToPointEnv(gym.Env[Any, Any]):
     def __init__(
         self,
         *,
-        robot: str | RobotSpec = "fetch",
-        world: str = "training",
+        robot: str | RobotSpec = DEFAULT_ROBOT,
+        world: str = DEFAULT_WORLD,
         pool_size: int = 64,
         problem: PointToPoint | None = None,
         disturbances: Disturbances = IDEAL,

@@ -32,6 +32,7 @@ from hpp_framework.envs.spaces import (
     to_arrays,
     to_numbers,
 )
+from hpp_framework.plugins.builtin import DEFAULT_TEAM, DEFAULT_WORLD
 from hpp_framework.utils.errors import ConfigError, SimulatorError, unknown_name
 from hpp_framework.utils.seeding import numpy_rng
 from hpp_framework.viz.picture import check_mode
@@ -61,9 +62,9 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
 
     def __init__(
         self,
-        team: Team | str = "fetch,freight",
+        team: Team | str = DEFAULT_TEAM,
         *,
-        world: World | str = "training",
+        world: World | str = DEFAULT_WORLD,
         config: EpisodeConfig | None = None,
         render_mode: str | None = None,
     ) -> None:

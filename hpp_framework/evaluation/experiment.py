@@ -36,7 +36,14 @@ from hpp_framework.evaluation.summary import Results, Summary, summarise
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.turns import least_times
 from hpp_framework.plugins.build import parse_team
-from hpp_framework.plugins.builtin import DEFAULT_CONTROL, DEFAULT_DISTURBANCES, DEFAULT_ESTIMATOR
+from hpp_framework.plugins.builtin import (
+    DEFAULT_CONTROL,
+    DEFAULT_DISTURBANCES,
+    DEFAULT_ESTIMATOR,
+    DEFAULT_SKILL,
+    DEFAULT_TASK,
+    DEFAULT_TEAM,
+)
 from hpp_framework.sim import BACKENDS, make_simulator
 from hpp_framework.utils.errors import ConfigError, unknown_name
 from hpp_framework.utils.progress import Progress
@@ -77,14 +84,14 @@ class Experiment:
 
     worlds: tuple[str, ...]
     planners: tuple[str, ...]
-    team: str = "fetch,freight"
+    team: str = DEFAULT_TEAM
     control: str = DEFAULT_CONTROL
     preset: str = "best"
     backend: str = "batch"
     episodes: int = 100
     seed: int = 0
-    task: str = "rendezvous"
-    skill: str = "p2p"
+    task: str = DEFAULT_TASK
+    skill: str = DEFAULT_SKILL
     disturbances: str = DEFAULT_DISTURBANCES
     estimator: str = DEFAULT_ESTIMATOR
     weights: tuple[str, ...] = ()

@@ -32,6 +32,7 @@ from hpp_framework.evaluation.predictor_score import (
 from hpp_framework.evaluation.predictor_trials import Misses, draw_questions, misses
 from hpp_framework.evaluation.table import write_rows
 from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.builtin import DEFAULT_SKILL, DEFAULT_TEAM, DEFAULT_WORLD, UNDISTURBED
 from hpp_framework.plugins.registry import hub
 from hpp_framework.prediction.library import find_cards
 from hpp_framework.utils.errors import ConfigError
@@ -70,15 +71,15 @@ class PredictorStudy:
     """
 
     predictors: tuple[str, ...]
-    team: str = "fetch,freight"
-    skill: str = "p2p"
-    worlds: tuple[str, ...] = ("training",)
+    team: str = DEFAULT_TEAM
+    skill: str = DEFAULT_SKILL
+    worlds: tuple[str, ...] = (DEFAULT_WORLD,)
     trajectories: Several = 200
     seconds: Annotated[
         float, Field(strict=True, ge=0.2, le=60, allow_inf_nan=False, description="It is from 0.2 to 60 s.")
     ] = 12.0
     weights: tuple[str, ...] = ()
-    disturbances: str = "ideal"
+    disturbances: str = UNDISTURBED
     estimator: str = "none"
     seed: int = 0
     judged: str = "predictors"

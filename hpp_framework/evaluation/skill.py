@@ -17,6 +17,7 @@ from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.navigation_tasks import NavigationTasks, Progress, draw_navigation_tasks
 from hpp_framework.evaluation.skill_score import SkillRow, SkillScore, score
 from hpp_framework.evaluation.trial import ARRIVAL, Trial
+from hpp_framework.plugins.builtin import DEFAULT_WORLD, UNDISTURBED
 from hpp_framework.sim import make_simulator
 from hpp_framework.sim.simulator import Simulator
 from hpp_framework.utils.seeding import child_seed
@@ -50,12 +51,12 @@ def evaluate_skill(
     skill: Skill,
     robot: RobotSpec,
     *,
-    world: str = "training",
+    world: str = DEFAULT_WORLD,
     episodes: int = 500,
     goal_distance: tuple[float, float] = (5.0, 10.0),
     clearance: float = 0.15,
     steps: int = 200,
-    disturbances: str = "ideal",
+    disturbances: str = UNDISTURBED,
     estimator: str = "none",
     backend: str = "batch",
     seed: int = 0,

@@ -21,6 +21,7 @@ from hpp_framework.evaluation.skill_figures import plot_competence
 from hpp_framework.evaluation.skill_score import SkillRow
 from hpp_framework.evaluation.table import read_rows, write_rows
 from hpp_framework.evaluation.trial import Draw, Trial
+from hpp_framework.plugins.builtin import UNDISTURBED
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim import make_simulator
 from hpp_framework.utils.errors import ConfigError
@@ -52,7 +53,7 @@ class SkillStudy:
     clearance: float = 0.05
     draw: Draw = "even"
     steps: int = 200
-    disturbances: str = "ideal"
+    disturbances: str = UNDISTURBED
     estimator: str = "none"
     seed: int = 0
     backend: str = "batch"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from hpp_framework.envs.problem import PointToPoint
+from hpp_framework.plugins.builtin import DEFAULT_WORLD, UNDISTURBED
 from hpp_framework.utils.errors import ConfigError
 from hpp_framework.utils.validation import Count, NonNegative, Positive, validated
 
@@ -35,13 +36,13 @@ class Trial:
         backend: ``"batch"`` or ``"sapien"``.
     """
 
-    world: str = "training"
+    world: str = DEFAULT_WORLD
     episodes: Count = 500
     goal_distance: tuple[Positive, Positive] = (5.0, 10.0)
     clearance: NonNegative = 0.15
     draw: Draw = "uniform"
     steps: Count = 200
-    disturbances: str = "ideal"
+    disturbances: str = UNDISTURBED
     estimator: str = "none"
     seed: int = 0
     backend: str = "batch"

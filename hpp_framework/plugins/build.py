@@ -9,6 +9,7 @@ from hpp_framework.core.option import BUDGET, Option
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.skill import Skill
 from hpp_framework.core.team import Member, Team
+from hpp_framework.plugins.builtin import DEFAULT_SKILL
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import ConfigError
 
@@ -33,7 +34,7 @@ def make_option(given: str | MakeOption, robot: RobotSpec, budget: int = BUDGET)
     return Option(name=given, skill=hub().skills.create(given, robot), budget=budget)
 
 
-def parse_team(text: str, *, skill: str = "p2p") -> Team:
+def parse_team(text: str, *, skill: str = DEFAULT_SKILL) -> Team:
     """Read a team from ``"fetch,freight"`` or ``"alice=fetch,bob=freight"``.
 
     Robots without an id are called after their model, numbered when a model occurs more than once.

@@ -7,6 +7,12 @@ from hpp_framework.plugins.registry import Hub
 Table = tuple[tuple[str, str, str], ...]
 """Names, sources below a package, summaries."""
 
+DEFAULT_ROBOT, DEFAULT_TEAM = "fetch", "fetch,freight"
+DEFAULT_SKILL, DEFAULT_TASK, DEFAULT_WORLD = "p2p", "rendezvous", "training"
+DEFAULT_PREDICTOR, DEFAULT_BASELINE = "far-sighted", "centralized-mp"
+UNDISTURBED = "ideal"
+"""What is meant where no name is given: of the bundled plugins, no other module names one as a default."""
+
 WORLDS: Table = (
     ("training", "generators.training:training", "random furniture, another room each seed"),
     ("mixed", "generators.mixed:mixed", "one of all random kinds, easy to hard: what skills are trained in"),

@@ -25,6 +25,7 @@ from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import Observation, State
 from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.plugins.build import make_skills
+from hpp_framework.plugins.builtin import DEFAULT_WORLD
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.executor import Report, run_tasks
 from hpp_framework.utils.run_folder import RunFolder, replacing
@@ -58,7 +59,7 @@ class Collection:
     steps: Count = 100
     chunk: Count = 500
     worlds: Count = 50
-    world: str = "training"
+    world: str = DEFAULT_WORLD
     near_share: Share = 0.6
     near_radius: Positive = 5.0
     switch_share: Share = 0.5

@@ -11,6 +11,7 @@ from hpp_framework.core.control import ControlContext, ControlLayer
 from hpp_framework.core.task import Task
 from hpp_framework.core.team import Team
 from hpp_framework.plugins.build import parse_team
+from hpp_framework.plugins.builtin import DEFAULT_TASK
 from hpp_framework.plugins.registry import hub
 from hpp_framework.testing.build import build, find_source
 from hpp_framework.testing.purity import check_pure, check_rows, check_tensor
@@ -28,7 +29,7 @@ def check_layer(
     layer: str | ControlLayer | Callable[[ControlContext], ControlLayer],
     *,
     team: str | Team | None = None,
-    task: str | Task = "rendezvous",
+    task: str | Task = DEFAULT_TASK,
 ) -> None:
     """Check both hooks of a control layer on what a driving team observes.
 

@@ -19,6 +19,7 @@ from hpp_framework.core.team import Team
 from hpp_framework.core.types import Observation
 from hpp_framework.evaluation.rollout import Episodes, run_episodes
 from hpp_framework.plugins.build import make_skills, parse_team
+from hpp_framework.plugins.builtin import DEFAULT_TASK
 from hpp_framework.plugins.registry import hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.testing.build import SHARED, WEIGHTS, Source, build, find_source
@@ -57,7 +58,7 @@ OUTSIDE = Rule(
     "robot's frame, "
     "and clamp.",
 )
-TASK = "rendezvous"
+TASK = DEFAULT_TASK
 """The task of commands."""
 RULES = (PLAN_EVERY, SHARED_RNG, BELIEF, OUTSIDE)
 

@@ -17,6 +17,7 @@ from hpp_framework.core.team import Member, Team
 from hpp_framework.core.types import Observation
 from hpp_framework.core.world import Box, Cylinder, World
 from hpp_framework.episodes.core import EpisodeBatch
+from hpp_framework.plugins.builtin import DEFAULT_SKILL, DEFAULT_TEAM
 from hpp_framework.plugins.registry import Entry, Registry, hub
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.utils.seeding import torch_rng
@@ -24,7 +25,7 @@ from hpp_framework.utils.seeding import torch_rng
 EPISODES = 4
 WARM_UP = 6
 """Control steps driven before anybody is asked anything: histories are full then, and robots move."""
-ROBOTS, SKILL = ("fetch", "freight"), "p2p"
+ROBOTS, SKILL = tuple(DEFAULT_TEAM.split(",")), DEFAULT_SKILL
 """The team and the skill of commands, taken where a plugin brings none that fit."""
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hpp_framework.core.world import World
+from hpp_framework.plugins.builtin import DEFAULT_TEAM
 from hpp_framework.plugins.registry import hub
 from hpp_framework.utils.errors import HppError
 from hpp_framework.utils.run_folder import ROOM, write_bytes
@@ -31,7 +32,7 @@ CATALOGUE = ("training", "simple", "wall", "navigation")
 SCANS = ("real-simple", "real-wall", "real-forest", "real-roundabout")
 HELD_OUT = ("u-trap", "two-doors", "l-room", "maze")
 TUNING = "walls"
-TEAM = ("fetch", "freight")
+TEAM = tuple(DEFAULT_TEAM.split(","))
 SIDE = 420
 COLUMNS = 4
 ROOM_SIZE = (840, 560)

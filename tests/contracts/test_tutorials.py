@@ -2,7 +2,7 @@
 
 Blocks ``sh`` are run one after another in one shell; other blocks name a file in their first line and are
 written to it. Nothing comes from a package index, and nothing is installed into the environment of the tests.
-Two train for minutes and run where ``HPP_TUTORIALS=all``, as ``.ci/run`` sets it; all commands of all three
+Two train for minutes and run where ``HPP_TESTS=all``, as ``.ci/run`` sets it; all commands of all three
 must be understood.
 """
 
@@ -104,10 +104,10 @@ def test_every_tutorial_writes_packages_of_its_own():
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("name", TUTORIALS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.minutes] * (name in TRAINING)) for name in TUTORIALS]
+)
 def test_a_tutorial_ends_well(name, environment, tmp_path):
-    if name in TRAINING and os.environ.get("HPP_TUTORIALS") != "all":
-        pytest.skip("trains for minutes; set HPP_TUTORIALS=all")
     folder = tmp_path / "empty"
     folder.mkdir()
     done = subprocess.run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import json
@@ -25,8 +26,9 @@ from hpp_framework.utils.seeding import EpisodeRng, child_seed
 from hpp_framework.worlds.loader import resolve_world
 
 SMALL = Experiment(
-    worlds=("simple", "wall"), planners=("centralized-mp", "centralized-rp"), episodes=3, seed=7
-)
+    worlds=("simple", "wall"), planners=("centralized-mp", "centralized-rp"), episodes=3, seed=7,
+    control="stop-on-success,safety-filter", disturbances="ideal", estimator="none",
+)  # fmt: skip
 
 COLUMNS = {
     "world", "planner", "preset", "team", "backend", "episodes", "seed", "success", "success_low",
@@ -37,19 +39,27 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
-    summary = run_experiment(SMALL, tmp_path / "a")
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The folder and the summary of the small experiment."""
+    folder = tmp_path_factory.mktemp("small")
+    return folder, run_experiment(SMALL, folder)
+
+
+def test_experiment_resumes_and_ends_with_the_same_results(small, tmp_path):
+    folder, summary = small
+    summary = copy.deepcopy(summary)
     assert [set(row) for row in summary["cells"]] == [COLUMNS] * 4
     assert [row["world"] for row in summary["aggregates"]] == [
         w for w in ("simple", "wall", "all") for _ in "ab"
     ]
     assert [row["world"] for row in summary["comparisons"]] == ["simple", "wall", "all"]
     assert summary["blame"] == []
-    rows = list(csv.DictReader((tmp_path / "a" / "episodes.csv").open()))
+    rows = list(csv.DictReader((folder / "episodes.csv").open()))
     assert len(rows) == 12
     # cut off after one cell
     (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "config.json").write_text((tmp_path / "a" / "config.json").read_text())
+    (tmp_path / "b" / "config.json").write_text((folder / "config.json").read_text())
     with (tmp_path / "b" / "episodes.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, rows[0])
         writer.writeheader()
@@ -62,37 +72,37 @@ def test_experiment_resumes_and_ends_with_the_same_results(tmp_path):
     assert all(float(row["bound_s"]) <= float(row["time_s"]) for row in rows if row["success"] == "1")
 
 
-def test_distances_over_time_are_kept_and_summed_up(tmp_path):
-    run_experiment(SMALL, tmp_path)
-    bands = np.load(tmp_path / "distance.npz", allow_pickle=False)
+def test_distances_over_time_are_kept_and_summed_up(small):
+    folder, _ = small
+    bands = np.load(folder / "distance.npz", allow_pickle=False)
     assert bands["worlds"].tolist() == list(SMALL.worlds)
     assert bands["planners"].tolist() == list(SMALL.planners)
     assert bands["seconds"][[0, 1, -1]].tolist() == [0.0, 0.2, 20.0]
     assert bands["mean"].shape == (2, 2, 101)
     assert bands["mean"][..., 0] == pytest.approx(5.0, abs=1e-4)  # starts
-    with (tmp_path / "episodes.csv").open() as stream:
+    with (folder / "episodes.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     for w, world in enumerate(SMALL.worlds):
         for p, planner in enumerate(SMALL.planners):
             final = [
                 float(r["final_distance_m"]) for r in rows if (r["world"], r["planner"]) == (world, planner)
             ]
-            curves = np.load(tmp_path / "distances" / f"{w:02d}-{p:02d}-00000.npy", allow_pickle=False)
+            curves = np.load(folder / "distances" / f"{w:02d}-{p:02d}-00000.npy", allow_pickle=False)
             assert curves[:, -1] == pytest.approx(final, abs=1e-4)
             assert bands["mean"][w, p] == pytest.approx(curves.mean(0))
             assert bands["quantiles"][w, p, 2] == pytest.approx(np.median(curves, 0))
     assert (bands["episodes"] == 3).all()
 
 
-def test_the_summary_is_written(tmp_path):
-    again = run_experiment(SMALL, tmp_path / "b")
-    assert json.loads((tmp_path / "b" / "summary.json").read_text()) == again
+def test_the_summary_is_written(small):
+    folder, summary = small
+    assert json.loads((folder / "summary.json").read_text()) == summary
 
 
-def test_results_are_written_for_marl_eval(tmp_path):
+def test_results_are_written_for_marl_eval(small):
     """Environment, task, algorithm, run: as many runs everywhere, each with a step and absolute metrics."""
-    summary = run_experiment(SMALL, tmp_path / "b")
-    layout = json.loads((tmp_path / "b" / "marl_eval.json").read_text())
+    folder, summary = small
+    layout = json.loads((folder / "marl_eval.json").read_text())
     assert list(layout) == ["rendezvous"]
     assert list(layout["rendezvous"]) == ["simple", "wall"]
     for cell in summary["cells"]:

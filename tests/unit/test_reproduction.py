@@ -256,7 +256,7 @@ def test_measures_say_which_preset_they_judge(measures, tmp_path):
         assert part.preset == preset
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.timeout(900)
 def test_a_killed_run_resumes_and_ends_with_the_same_results(tmp_path):
     _run(tmp_path / "whole", workers=2)
@@ -277,7 +277,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_results(tmp_path):
     assert texts[0] == texts[1]
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.timeout(1200)  # everything, if only a little of each
 def test_the_whole_paper_from_the_command_line(tmp_path, capsys):
     out = tmp_path / "out"

@@ -27,6 +27,7 @@ from hpp_framework.perception.occlusion import occluded
 from hpp_framework.planning.hpp.best_response import as_one_gaussian, likeliest, moments, pair_rewards
 from hpp_framework.planning.hpp.inference import Evidence, GoalInference
 from hpp_framework.planning.targets import imagine_task, own_target
+from hpp_framework.plugins.builtin import DEFAULT_PREDICTOR
 from hpp_framework.utils.seeding import EpisodeRng
 from hpp_framework.utils.validation import Count, NonNegative, Positive, Share, validated
 
@@ -72,7 +73,7 @@ class LatticeConfig:
         "shadow_depth": "occlusion_depth", "evidence": "likelihood_weight", "memory": "forgetting_factor",
     }  # fmt: skip
 
-    predictor: str = "far-sighted"
+    predictor: str = DEFAULT_PREDICTOR
     horizon: Count = 15
     plan_every: Count = 5
     spacing: Positive = 0.8

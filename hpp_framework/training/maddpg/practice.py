@@ -17,6 +17,7 @@ from hpp_framework.core.task import Task
 from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.evaluation.rollout import EPISODE_STEPS
 from hpp_framework.planning.baselines.maddpg import feature_count, features, roles, to_command
+from hpp_framework.plugins.builtin import DEFAULT_WORLD
 from hpp_framework.sim.batch.simulator import BatchSimulator
 from hpp_framework.training.maddpg.learner import Learner, MaddpgConfig, Replay
 from hpp_framework.utils.seeding import numpy_rng, torch_rng
@@ -39,7 +40,7 @@ class Rooms:
         control: control stack of the robots, as they have it when they are judged.
     """
 
-    world: str = "training"
+    world: str = DEFAULT_WORLD
     count: int = 500
     episodes: int = 100
     steps: int = EPISODE_STEPS

@@ -34,6 +34,7 @@ from hpp_framework.planning.baselines.maddpg import (
     feature_count,
     file_name,
 )
+from hpp_framework.plugins.builtin import DEFAULT_TASK
 from hpp_framework.plugins.registry import hub
 from hpp_framework.plugins.weights import load_checkpoint, require_same_run, save_checkpoint
 from hpp_framework.sim.batch.simulator import BatchSimulator
@@ -70,7 +71,7 @@ class MaddpgTraining:
 
     team: Team
     out: Path
-    task: str = "rendezvous"
+    task: str = DEFAULT_TASK
     seed: int = 0
     steps: int = 1_000_000
     settings: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
