@@ -238,8 +238,8 @@ def run_experiment(
             something else, is damaged or cannot be written.
     """
     factories = {name: resolve_world(name) for name in experiment.worlds}
-    conduct = conduct or Conduct(run=run_drawn, chunk=CHUNK[experiment.backend])
     configs = check_experiment(experiment, factories)
+    conduct = conduct or Conduct(run=run_drawn, chunk=CHUNK[experiment.backend])
     recorded = folder.record(conduct.command, {**asdict(experiment), **conduct.about}, configs)
     folder.open_evaluation(out, recorded)
     file = out / folder.EPISODES
