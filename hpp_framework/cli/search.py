@@ -112,7 +112,7 @@ def _bars(steps: int) -> Generator[Watch]:
             if name not in bars:
                 bars[name] = progress.add_task(name, total=steps)
             last = max(curve, default=0)
-            practice = f", practice {curve[last]:.3f}" if last else ""
-            progress.update(bars[name], completed=last, description=f"{name}{practice}")
+            success = f", success {curve[last]:.3f}" if last else ""
+            progress.update(bars[name], completed=last, description=f"{name}{success}")
 
         yield watch

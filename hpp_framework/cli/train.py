@@ -138,7 +138,7 @@ class TrainMaddpg:
         from hpp_framework.planning.baselines.maddpg import feature_count
         from hpp_framework.plugins.build import parse_team
         from hpp_framework.plugins.registry import hub
-        from hpp_framework.training.maddpg.practice import Recipe
+        from hpp_framework.training.maddpg.episodes import Recipe
         from hpp_framework.training.maddpg.seeds import MaddpgTraining, keep_best, plot_seeds, train_seed
         from hpp_framework.utils.executor import run_tasks
 

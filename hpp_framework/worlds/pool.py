@@ -61,7 +61,7 @@ def build_pool(
     return _pool(name, [factory] * size, robots, seed, clearance)[0]
 
 
-def build_practice_pool(
+def build_training_pool(
     name: str,
     size: int,
     robots: Sequence[RobotSpec],
