@@ -72,8 +72,8 @@ class Loop:
         self.simulator = BatchSimulator(robots, device=settings.device, threads=settings.threads)
         self.simulator.load(rooms, episodes=case.worlds)
         worlds = torch.arange(case.worlds, dtype=torch.int32) % len(rooms)
-        everyone = torch.ones(case.worlds, case.robots, dtype=torch.bool)
-        self.simulator.place(worlds, everyone, poses)
+        whole_team = torch.ones(case.worlds, case.robots, dtype=torch.bool)
+        self.simulator.place(worlds, whole_team, poses)
         commands = torch.rand(
             COMMANDS, case.worlds, case.robots, 2, generator=torch_rng(settings.seed, "bench")
         )
@@ -93,7 +93,7 @@ class Loop:
         self.settings.wait()
 
     def look(self) -> None:
-        """Cast all lidars as often; everybody is told to stand still."""
+        """Cast all lidars as often; all robots are told to stand still."""
         for _ in range(self.steps):
             self.simulator.advance(self._still)
         self.settings.wait()

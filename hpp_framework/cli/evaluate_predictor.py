@@ -21,7 +21,7 @@ TABLE_WIDTH = 120
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluatePredictor:
-    """Drive a team to common goals in fresh worlds, and ask predictors on the way where everybody will be.
+    """Drive a team to common goals in fresh worlds, and ask predictors on the way where all robots will be.
 
     The models constant-velocity and empty-world, which have learnt nothing, are always asked too. Writes
     report.md with its pictures, errors.csv (a row a predictor, world, robots and horizon), calibration.csv,

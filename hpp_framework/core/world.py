@@ -252,7 +252,7 @@ class World:
         return str(self.file) if self.file else f"world '{self.name}'"
 
     def at_rest(self) -> World:
-        """Return the world without what moves: the same for all episodes, whoever walks in them."""
+        """Return the world without what moves: the same for all episodes, whichever people walk in them."""
         return replace(self, people=(), moving=()) if self.people or self.moving else self
 
     def solid_boxes(self) -> tuple[Box, ...]:

@@ -59,7 +59,7 @@ class PredictorStudy:
     Attributes:
         predictors: registered predictors; those of :data:`BASELINES` that are missing come last.
         team: as on the command line.
-        skill: registered skill of everybody.
+        skill: registered skill of all robots.
         worlds: registered worlds or world files.
         trajectories: a world.
         seconds: ahead, at most.

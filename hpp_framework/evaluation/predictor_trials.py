@@ -36,8 +36,8 @@ class Question:
 
     Attributes:
         observations: one a robot.
-        goals: everybody's, world coordinates.
-        future: everybody's position one control step ahead, two, ...
+        goals: of all robots, world coordinates.
+        future: positions of all robots one control step ahead, two, ...
     """
 
     observations: list[Observation]

@@ -63,7 +63,7 @@ class Recorder:
         Args:
             about: what it was, plain data; how it ended is added.
             world: its world.
-            team: everybody.
+            team: all robots.
             episodes: the whole batch.
             period: seconds a control step.
         """

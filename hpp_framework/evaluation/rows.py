@@ -22,7 +22,7 @@ class EpisodeRow:
     ``bound_s`` is from :func:`~hpp_framework.evaluation.task_bounds.task_bounds`, ``rpl`` is success times
     bound over time; ``goal_gap_m``, ``agreement_s``, ``side_flips`` and ``chase`` are from
     :class:`~hpp_framework.evaluation.coordination.Coordination`; ``touched_person`` is missing in tables of
-    earlier versions, where nobody walked.
+    earlier versions, where no people walked.
     """
 
     world: str

@@ -78,7 +78,7 @@ def build_local_map(
     Args:
         lidar: of the agent.
         agent: index of the agent in the team.
-        team_poses: everybody's present poses, world frame.
+        team_poses: present poses of all robots, world frame.
         scan: the agent's present scan, metres.
         keyframes: what it remembers, None for nothing.
         subjects: positions from which paths begin, world frame, metres.

@@ -208,7 +208,7 @@ def viewpoints(
     """Return what an agent remembers and what it sees now, as one.
 
     Args:
-        team_poses: everybody's present poses.
+        team_poses: present poses of all robots.
         scan: its present scan.
         earlier: its keyframes, None for nothing.
     """

@@ -43,7 +43,7 @@ def model_pairs(
     """Return the models of a team: file name to (agent, subject); robots that are alike share theirs.
 
     Args:
-        team: everybody.
+        team: all robots.
         agent: only models of this robot.
         subject: only models that predict this robot.
 

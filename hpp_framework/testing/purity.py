@@ -36,7 +36,7 @@ NOT_FINITE = Rule(
 )
 MUTATES = Rule(
     name="mutates-input",
-    why="others hold the same tensors (histories, other agents); what you change there, everybody sees.",
+    why="others hold the same tensors (histories, other agents); all of them see what you change there.",
     fix="out-of-place operations (x = x + 1, not x += 1 or x.add_(1)), or x = x.clone() first.",
 )
 SHARES = Rule(

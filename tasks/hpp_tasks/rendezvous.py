@@ -1,4 +1,4 @@
-"""Rendezvous: everybody within a distance of everybody's centre, at rest."""
+"""Rendezvous: all robots within a distance of the team's centre, at rest."""
 
 from __future__ import annotations
 

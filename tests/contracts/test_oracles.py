@@ -174,7 +174,7 @@ def test_what_is_known_of_some_episodes_is_theirs(seen):
     assert torch.equal(first.observations[1].scans, seen[1].scans[:1])
     assert first.once("question", lambda: "its own") == "its own"
     assert seen[0].privileged.once("question", lambda: "that of all") == "that of all"
-    assert seen[1].privileged.once("question", lambda: "of nobody") == "that of all"
+    assert seen[1].privileged.once("question", lambda: "of no robot") == "that of all"
 
 
 def test_oracles_take_settings(context):

@@ -122,7 +122,7 @@ def seen_spaces(observation: Observation, lidar: Lidar, bounds: Bounds) -> list[
 
 
 def _limits(robots: Points, bounds: Bounds) -> tuple[Points, Points]:
-    """Return the lowest and the highest corner of a map that holds everybody."""
+    """Return the lowest and the highest corner of a map that holds all robots."""
     low = np.maximum(robots.min(0) - REACH, bounds[:2])
     high = np.minimum(robots.max(0) + REACH, bounds[2:])
     return np.minimum(low, robots.min(0) - 1), np.maximum(high, robots.max(0) + 1)

@@ -69,9 +69,9 @@ class BatchSimulator(Simulator):
         place = {world: index for index, world in enumerate(dict.fromkeys(objects.values()))}
         index_of = {key: place[world] for key, world in objects.items()}
         self.load(tuple(place), episodes=len(worlds))
-        everyone = torch.ones(len(worlds), len(self.robots), dtype=torch.bool)
+        whole_team = torch.ones(len(worlds), len(self.robots), dtype=torch.bool)
         world_index = torch.tensor([index_of[id(world)] for world in worlds], dtype=torch.int32)
-        return self.place(world_index, everyone, poses)
+        return self.place(world_index, whole_team, poses)
 
     def load(self, pool: Sequence[World], *, episodes: int) -> None:
         """Hold a pool of worlds and room for a number of episodes; follow with :meth:`place`.
