@@ -53,7 +53,7 @@ class Search:
     """Folder to write to (default: runs/search-SKILL-ROBOT)."""
 
     def run(self) -> None:
-        """Search, with a progress bar a trial, and print how to train the winner."""
+        """Search, with a progress bar per trial, and print how to train the winner."""
         from hpp_framework.plugins.registry import hub
         from hpp_framework.training.search.report import REPORT, train_command
         from hpp_framework.training.search.run import search_skill

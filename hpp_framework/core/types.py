@@ -189,7 +189,7 @@ class Trajectories:
 
     Attributes:
         poses: predicted poses in the world frame; the heading is NaN where a predictor gives positions only.
-        times: seconds ahead of now, one a predicted step, increasing.
+        times: seconds ahead of now, one per predicted step, increasing.
         std: standard deviation of the predicted positions in metres, along each axis; None where a predictor
             does not say how sure it is.
     """

@@ -136,7 +136,7 @@ def run_study(
 
 def _draw(study: PredictorStudy, team: Team, out: Path, errors: list[ErrorRow], cells: Cells) -> list[str]:
     """Draw what there is to draw; returns the pictures' names."""
-    title = f"{study.team}, {study.trajectories} trajectories a world, seed {study.seed}"
+    title = f"{study.team}, {study.trajectories} trajectories per world, seed {study.seed}"
     plot_horizons(out / HORIZONS, errors, title=title)
     plot_worlds(out / WORLDS, errors, title=title)
     drawn = [HORIZONS, WORLDS]

@@ -20,7 +20,7 @@ from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.sim.simulator import Simulator
 
 EPISODE_STEPS = 100
-"""Control steps an episode (20 s; appendix C.1)."""
+"""Control steps per episode (20 s; appendix C.1)."""
 
 LATENCY_REPEATS = 4
 """Plans timed an agent, after a first one that begins without a belief."""

@@ -50,7 +50,7 @@ class EpisodeRow:
 def to_rows(
     world: str, planner: str, numbers: Sequence[int], episodes: Episodes, bounds: Float[np.ndarray, "b"]
 ) -> list[EpisodeRow]:
-    """Return one row an episode.
+    """Return one row per episode.
 
     Args:
         world: as the user named it.

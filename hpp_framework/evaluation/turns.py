@@ -23,7 +23,7 @@ def least_times(
     that time, as far as this bound knows, so it is loose for those.
 
     Args:
-        worlds: one an episode.
+        worlds: one per episode.
         starts: start poses, at rest.
         team: all robots.
         schedule: who takes part when.

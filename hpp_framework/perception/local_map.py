@@ -21,7 +21,7 @@ from hpp_framework.utils.kernels import vectors, wp
 
 RESOLUTION = 0.25
 CELLS = 56
-"""Metres a cell and cells a side: 14 m around the team's middle."""
+"""Metres per cell and cells per side: 14 m around the team's middle."""
 COMFORT = 0.3
 """Gap to obstacles in metres from which a metre of way counts once, as where the skills practise."""
 BLOCKED = 20.0

@@ -38,7 +38,7 @@ class Sensing:
         disturbances: the same for all, or one for each robot.
         estimators: one for each agent; None takes what was sensed last as it is.
         history: entries that observations hold; fewer cost less.
-        keyframes: that observations hold, one a second; 0 for none.
+        keyframes: that observations hold, one per second; 0 for none.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ from hpp_framework.plugins.build import make_skills
 from hpp_framework.sim.batch.simulator import BatchSimulator
 
 STEPS = 5
-"""Control steps a prediction step: one second."""
+"""Control steps per prediction step: one second."""
 EMPTY = World(name="empty", bounds=(-1e3, -1e3, 1e3, 1e3), walled=False)
 
 

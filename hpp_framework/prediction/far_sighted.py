@@ -171,7 +171,7 @@ class FarSighted(Predictor):
     """Imagines every robot of the team second by second.
 
     Args:
-        models: one a robot, in team order; that of the agent is its self-predictor.
+        models: one per robot, in team order; that of the agent is its self-predictor.
         robots: the team.
     """
 

@@ -18,7 +18,7 @@ SHAPE = Rule(
     name="shape",
     why="all episodes run side by side in one tensor; a wrong shape broadcasts into wrong numbers or "
     "an error.",
-    fix="an answer with one row an episode, in the shape named above; keep leading dimensions as they come.",
+    fix="an answer with one row per episode, in the shape named above; keep leading dimensions as they come.",
 )
 DTYPE = Rule(
     name="dtype",

@@ -96,7 +96,7 @@ class EpisodeRecord:
     Attributes:
         about: plain data: what it was (world, planner, preset, team, backend, seed, episode, config), and how
             it ended.
-        period: seconds a control step.
+        period: seconds per control step.
         ground: the world from above.
         poses: true poses, the start first.
         agents: in team order.

@@ -111,7 +111,7 @@ def draw_starts(
     Args:
         pool: worlds and points.
         world: of each episode, as an index into the pool.
-        count: robots a team.
+        count: robots per team.
         distance: nearest neighbour at least and first robot at most, in metres; where no point suits, the one
             farthest from all others is taken.
         rng: source of randomness.

@@ -26,7 +26,7 @@ def spawn_poses(
     """Draw start poses (n, 3) by the world's spawn rule: free, mutually reachable, headings random.
 
     Robots start on a ring. That of three and more grows where it does not fit: many robots around a wall
-    cannot all be as near it as two. A world with fixed starts gives those, one a robot in team order.
+    cannot all be as near it as two. A world with fixed starts gives those, one per robot in team order.
 
     Args:
         world: the world.

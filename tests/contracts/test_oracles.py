@@ -187,7 +187,7 @@ def test_oracles_take_settings(context):
 def test_oracles_do_not_guess_what_they_know(context):
     found = full_communication(context).config
     assert not found.respond
-    assert found.evidence == 0
+    assert found.likelihood_weight == 0
     paper = {"predictor": "constant-velocity"}
     assert full_communication(replace(context, preset="paper", settings=paper)).config.horizon == 5
 

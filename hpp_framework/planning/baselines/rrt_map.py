@@ -14,7 +14,7 @@ from hpp_framework.perception.sensing import seen_points
 from hpp_framework.worlds.occupancy import FreeSpace
 
 RESOLUTION = 0.1
-"""Metres a cell of a map made of lidar."""
+"""Metres per cell of a map made of lidar."""
 REACH = 8.0
 """How far such a map reaches beyond the team, metres."""
 STRIDE = 0.05
@@ -32,7 +32,7 @@ class Room:
         slack: (rows, columns) metres that the disc can be moved in any direction; it fits where this is
             positive. Row 0 has the lowest y.
         origin: (x, y) of the corner of cell (0, 0), metres.
-        resolution: metres a cell.
+        resolution: metres per cell.
     """
 
     slack: npt.NDArray[np.float32]

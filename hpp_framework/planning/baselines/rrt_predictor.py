@@ -37,7 +37,7 @@ class MotionConfig:
     """How all robots are imagined to move.
 
     Attributes:
-        period: seconds a prediction step.
+        period: seconds per prediction step.
         speed: at which robots follow paths once they have got there from their present speed, m/s.
         samples: of a tree.
     """
