@@ -18,7 +18,7 @@ $(STAMP): pyproject.toml constraints/ci.txt scripts/make-venv.sh
 demo: $(STAMP) vulkan ## two robots meet behind a wall, in SAPIEN: video and plot
 	@$(BIN)/hpp run --world wall --team fetch,freight --planner hpp --preset best --backend sapien --seed 0 --out $(DEMO_OUT)
 
-test: $(STAMP) ## run the tests, one process a core (other options: make test PYTEST_ARGS="-x -k lidar")
+test: $(STAMP) ## run the tests, one process per core (other options: make test PYTEST_ARGS="-x -k lidar")
 	@$(BIN)/python -m pytest tests $(PYTEST_ARGS)
 
 lint: $(STAMP) ## style, formatting and the direction of dependencies

@@ -20,7 +20,7 @@ from hpp_framework.plugins.registry import hub
 
 
 class MeetAtDoor(Task):
-    """Everybody within 1 m of a door, at rest."""
+    """All robots within 1 m of a door, at rest."""
 
     def __init__(self, door: tuple[float, float]) -> None:
         self.door = torch.tensor(door)

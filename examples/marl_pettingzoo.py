@@ -36,7 +36,7 @@ class Flat(BaseParallelWrapper):
         return {agent: self._flatten(seen) for agent, seen in observations.items()}, infos
 
     def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
-        """Drive everybody for one control step."""
+        """Drive all robots for one control step."""
         observations, *rest = self.env.step(actions)
         return {agent: self._flatten(seen) for agent, seen in observations.items()}, *rest
 

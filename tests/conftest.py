@@ -26,7 +26,7 @@ UNCHECKED = {
     "hpp_framework.perception.local_map_kernels",
     "hpp_framework.perception.estimators.tracker_kernels",
     "hpp_skills.dwa.window_kernels",
-    "hpp_tasks.parking_kernels",
+    "hpp_tasks.target_slots_kernels",
 }
 
 

@@ -156,7 +156,7 @@ def main() -> None:
         )
     about = machine()
     console = Console(width=120)
-    console.print(about, "agent-steps a second; of 'sapien rays', rays a second", sep="\n")
+    console.print(about, "agent-steps per second; of 'sapien rays', rays per second", sep="\n")
     rows: list[Row] = []
     for peer in options.peers or PEERS:
         with console.status(f"{peer} against ours"):

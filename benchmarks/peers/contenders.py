@@ -118,7 +118,7 @@ def vmas(environments: int) -> Work:
 
 
 def irsim() -> Work:
-    """Return IR-SIM agent-steps: headless, collisions checked (the comparison runs a process a core)."""
+    """Return IR-SIM agent-steps: headless, collisions checked (the comparison runs one process per core)."""
     import irsim as package
     import yaml
 
@@ -154,7 +154,7 @@ def irsim() -> Work:
 
 
 def sapien() -> Work:
-    """Return SAPIEN agent-steps: walled room, 20 ticks, rays one by one (one process a core)."""
+    """Return SAPIEN agent-steps: walled room, 20 ticks, rays one by one (one process per core)."""
     import torch
 
     simulator = _sapien()
@@ -163,7 +163,7 @@ def sapien() -> Work:
 
 
 def sapien_rays() -> Work:
-    """Return SAPIEN rays one by one, walled room, robots at rest (one process a core)."""
+    """Return SAPIEN rays one by one, walled room, robots at rest (one process per core)."""
     simulator = _sapien()
     return _fill(simulator.state, ROBOTS * BEAMS)
 

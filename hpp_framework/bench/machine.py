@@ -40,7 +40,7 @@ class Product:
 
 
 def machine(settings: Settings) -> Iterator[Measurement]:
-    """Matrix products and copies a second, on one core and on all: the floors of everything else."""
+    """Matrix products and copies per second, on one core and on all: the floors of everything else."""
     product = Product(settings)
     source = torch.ones(settings.pick(1 << 10, COPIED, COPIED) // 4)
     target = torch.empty_like(source)

@@ -42,7 +42,7 @@ class Measurement:
         name: what was measured.
         parameters: of the case.
         unit: of the values, e.g. ``"1/s"`` or ``"ms"``; ``"x"`` is a ratio.
-        values: one a repeat.
+        values: one per repeat.
         load: of the machine over the last minute, this benchmark's own included.
     """
 
@@ -116,7 +116,7 @@ def timed(
         budget: seconds after which no further round begins; the first round is always run.
 
     Returns:
-        Seconds of each action, one a round.
+        Seconds of each action, one per round.
     """
     for _ in range(warm_up):
         for action in actions.values():
@@ -134,7 +134,7 @@ def timed(
 
 
 def rates(amount: float, seconds: Sequence[float]) -> tuple[float, ...]:
-    """Return amounts a second."""
+    """Return amounts per second."""
     return tuple(amount / each for each in seconds)
 
 

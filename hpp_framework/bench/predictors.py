@@ -29,7 +29,7 @@ from hpp_framework.worlds.pool import build_pool
 
 
 def collecting(settings: Settings) -> Iterator[Measurement]:
-    """Trajectories a second, from rooms to files on disk, once all workers run; and how long that takes."""
+    """Trajectories per second, from rooms to files on disk, once all workers run; and how long that takes."""
     team = parse_team(settings.team, skill=settings.skill)
     chunks = settings.threads + settings.pick(2, 4, 10)
     repeats = settings.pick(1, 3, 5)
@@ -58,7 +58,7 @@ def _collection(settings: Settings, chunks: int, repeat: int = 0) -> Collection:
 
 
 def _collect(team: Team, config: Collection, settings: Settings) -> tuple[float, float]:
-    """Return the seconds until every worker has finished a chunk, and trajectories a second from then on."""
+    """Return the seconds until every worker has finished a chunk, and trajectories per second after that."""
     began = time.perf_counter()
     with TemporaryDirectory() as folder:
         seconds = [
@@ -70,7 +70,7 @@ def _collect(team: Team, config: Collection, settings: Settings) -> tuple[float,
 
 
 def predictors(settings: Settings) -> Iterator[Measurement]:
-    """Gradient steps a second of every registered predictor, and the share of the matrix-product rate.
+    """Gradient steps per second of every registered predictor, and the share of the matrix-product rate.
 
     The models of the first robot are trained side by side, as many as there are cores, one thread each. A
     training of few steps is subtracted from one of more steps, which leaves out loading and validation.

@@ -39,7 +39,7 @@ class Case:
         worlds: episodes side by side.
         robots: a world.
         beams: a scan.
-        segments: obstacle segments a world, 16 of them the outer walls.
+        segments: obstacle segments per world, 16 of them the outer walls.
         rooms: different rooms.
         people: who walk in each of them.
     """
@@ -72,8 +72,8 @@ class Loop:
         self.simulator = BatchSimulator(robots, device=settings.device, threads=settings.threads)
         self.simulator.load(rooms, episodes=case.worlds)
         worlds = torch.arange(case.worlds, dtype=torch.int32) % len(rooms)
-        everyone = torch.ones(case.worlds, case.robots, dtype=torch.bool)
-        self.simulator.place(worlds, everyone, poses)
+        whole_team = torch.ones(case.worlds, case.robots, dtype=torch.bool)
+        self.simulator.place(worlds, whole_team, poses)
         commands = torch.rand(
             COMMANDS, case.worlds, case.robots, 2, generator=torch_rng(settings.seed, "bench")
         )
@@ -93,7 +93,7 @@ class Loop:
         self.settings.wait()
 
     def look(self) -> None:
-        """Cast all lidars as often; everybody is told to stand still."""
+        """Cast all lidars as often; all robots are told to stand still."""
         for _ in range(self.steps):
             self.simulator.advance(self._still)
         self.settings.wait()
@@ -114,7 +114,7 @@ def _enough(action: object, settings: Settings) -> int:
 
 
 def simulation(settings: Settings) -> Iterator[Measurement]:
-    """Agent-steps a second: physics and all lidars; the state shares the simulator's memory."""
+    """Agent-steps per second: physics and all lidars; the state shares the simulator's memory."""
     cases = _cases(settings)
     for case in cases:
         yield _agent_steps(case, settings)
@@ -168,7 +168,7 @@ def _crowded(settings: Settings) -> Measurement:
 
 
 def scans(settings: Settings) -> Iterator[Measurement]:
-    """Scans a second alone: the lidars of robots that stand still."""
+    """Scans per second alone: the lidars of robots that stand still."""
     usual = settings.pick(Case(worlds=4, rooms=2), Case(), Case(worlds=4096))
     others = settings.pick((), (80, 400, 2000), (20, 80, 200, 400, 1000, 2000))
     cases = [usual, replace(usual, beams=1080), *(replace(usual, segments=count) for count in others)]
@@ -179,7 +179,7 @@ def scans(settings: Settings) -> Iterator[Measurement]:
 
 
 def sapien(settings: Settings) -> Iterator[Measurement]:
-    """SAPIEN's steps and rays a second, and how many times faster the batch lidar is.
+    """SAPIEN's steps and rays per second, and how many times faster the batch lidar is.
 
     Raises:
         SkippedError: if SAPIEN cannot run here.

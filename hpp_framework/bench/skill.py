@@ -24,7 +24,7 @@ DISTURBANCES = Disturbances(position_std=0.02, heading_std=0.02, scan_std=0.02, 
 
 
 def skill(settings: Settings) -> Iterator[Measurement]:
-    """Env-steps a second of point-to-point navigation: the environment alone, and the skill's training."""
+    """Env-steps per second of point-to-point navigation: the environment alone, and the skill's training."""
     robot = parse_team(settings.team, skill=settings.skill).members[0].robot
     yield _environment(robot.name, settings)
     yield _cycles(robot.name, settings)

@@ -1,1 +1,1 @@
-"""The command line ``hpp``: one file a command."""
+"""The command line ``hpp``: one file per command."""

@@ -30,8 +30,8 @@ TABLE_WIDTH = 120
 class Evaluate:
     """Run many episodes of each planner in each world and report success with 95 % intervals.
 
-    Writes episodes.csv (a row an episode), summary.json, marl_eval.json (the same episodes for marl-eval) and
-    config.json into --out. Interrupted runs resume: repeat the same command.
+    Writes episodes.csv (one row per episode), summary.json, marl_eval.json (the same episodes for marl-eval)
+    and config.json into --out. Interrupted runs resume: repeat the same command.
     """
 
     worlds: str = "simple,wall,navigation"
@@ -49,7 +49,7 @@ class Evaluate:
     backend: Literal["batch", "sapien"] = "batch"
     """Simulator."""
     episodes: int = 100
-    """Episodes a world and planner."""
+    """Episodes per world and planner."""
     seed: int = 0
     """Seed of worlds, starts and agents."""
     out: Path = Path("out/evaluate")

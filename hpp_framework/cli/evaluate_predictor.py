@@ -21,11 +21,11 @@ TABLE_WIDTH = 120
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluatePredictor:
-    """Drive a team to common goals in fresh worlds, and ask predictors on the way where everybody will be.
+    """Drive a team to common goals in fresh worlds, and ask predictors on the way where all robots will be.
 
     The models constant-velocity and empty-world, which have learnt nothing, are always asked too. Writes
-    report.md with its pictures, errors.csv (a row a predictor, world, robots and horizon), calibration.csv,
-    summary.json and config.json into --out.
+    report.md with its pictures, errors.csv (one row per predictor, world, robots and horizon),
+    calibration.csv, summary.json and config.json into --out.
     """
 
     name: Annotated[str, tyro.conf.Positional] = "delta-pose-lidar"
@@ -39,7 +39,7 @@ class EvaluatePredictor:
     worlds: str = "training"
     """Registered worlds or YAML files, separated by commas."""
     trajectories: int = 200
-    """Trajectories a world; each asks at three moments."""
+    """Trajectories per world; each asks at three moments."""
     seconds: float = 12.0
     """Look so far ahead, at most."""
     weights: str = ""
@@ -91,7 +91,7 @@ def error_table(summary: list[dict[str, Any]]) -> Table:
     first = summary[0]
     title = (
         f"mean position error in metres (in brackets: 90 % are better): {first['team']}, "
-        f"{first['trajectories']} trajectories a world, seed {first['seed']}"
+        f"{first['trajectories']} trajectories per world, seed {first['seed']}"
     )
     table = Table(box=None, title=escape(title), title_justify="left", title_style="")
     for column in ("world", "role", "predictor"):

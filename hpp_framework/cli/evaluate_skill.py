@@ -23,7 +23,7 @@ TABLE_WIDTH = 140
 class EvaluateSkill:
     """Drive one robot to one goal an episode, each in a world of its own, and map where a skill is trusted.
 
-    Writes episodes.csv (a row an episode), competence.csv and competence.png (success by goal distance and
+    Writes episodes.csv (one row per episode), competence.csv and competence.png (success by goal distance and
     clearance), summary.json and config.json into --out. Interrupted runs resume: repeat the same command.
     """
 
@@ -36,7 +36,7 @@ class EvaluateSkill:
     worlds: str = "training"
     """Registered worlds or YAML files, separated by commas."""
     episodes: int = 600
-    """Episodes a skill and world; 600 give most bins of the map the 20 that trust asks for."""
+    """Episodes per skill and world; 600 give most bins of the map the 20 that trust asks for."""
     goal_distance: tuple[float, float] = (1.0, 15.0)
     """Nearest and farthest goal, straight line, in metres."""
     clearance: float = 0.05

@@ -27,7 +27,8 @@ TABLE_WIDTH = 140
 class Inspect:
     """Show what each robot saw, weighed, chose and imagined at each of its plans, and what came of it.
 
-    Prints a table and writes a picture a decision and inspect.html, which any browser opens from the disk.
+    Prints a table and writes one picture per decision and inspect.html, which any browser opens from the
+    disk.
     """
 
     episode: Annotated[Path, tyro.conf.Positional]

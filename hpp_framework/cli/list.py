@@ -26,7 +26,7 @@ class List:
     """Print JSON, with distribution and version apart."""
 
     def run(self) -> None:
-        """Print one table a kind, then what is wrong with plugins."""
+        """Print one table per kind, then what is wrong with plugins."""
         known = tuple(hub().registries())
         if self.kind not in ("all", *known):
             raise unknown_name("kind of thing to list", self.kind, ("all", *known))
@@ -69,7 +69,7 @@ def listing(hub: Hub, kinds: tuple[str, ...]) -> dict[str, Any]:
 
 
 def tables(hub: Hub, kinds: tuple[str, ...]) -> list[Table]:
-    """Return a table a kind, and tables of clashing names and of broken plugins where there are any.
+    """Return one table per kind, and tables of clashing names and of broken plugins where there are any.
 
     Args:
         hub: what is registered.

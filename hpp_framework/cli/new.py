@@ -12,7 +12,7 @@ import tyro
 
 @dataclass(frozen=True, kw_only=True)
 class NewTask:
-    """Write a package with a task: everybody meets at one place that all know."""
+    """Write a package with a task: all robots meet at one place that all know."""
 
     name: Annotated[str, tyro.conf.Positional]
     """PACKAGE/NAME, e.g. my-pkg/meet-at-door; or PACKAGE alone."""

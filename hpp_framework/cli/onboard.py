@@ -26,7 +26,7 @@ class Onboard:
     name: Annotated[str, tyro.conf.Positional]
     """Registered robot or skill, e.g. my-pkg/rover."""
     teammates: Annotated[str, tyro.conf.arg(name="with")] = "fetch,freight"
-    """Registered robots, separated by commas: teammates of a robot, or those that a skill shall drive."""
+    """Registered robots, separated by commas: teammates of a robot, or those that a skill must drive."""
     skill: str = "p2p"
     """Registered skill of every robot, if the newcomer is a robot."""
     predictor: str = "far-sighted"

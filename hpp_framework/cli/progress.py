@@ -12,7 +12,7 @@ from rich.progress import Progress
 
 @contextmanager
 def cell_bars(unit: str | None = "episodes") -> Generator[Callable[[str, int, int], None]]:
-    """Show a bar a cell while the context lasts; gives what is to be called with (cell, done, total).
+    """Show one bar per cell while the context lasts; gives what is to be called with (cell, done, total).
 
     Args:
         unit: of the total, in words; None says nothing where no bar can be shown.

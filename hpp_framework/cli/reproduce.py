@@ -27,7 +27,7 @@ class Reproduce:
     """
 
     scale: Literal["smoke", "standard", "full"] = "standard"
-    """smoke: a few episodes, minutes; standard: 100 a cell, an hour or two on two cores; full: 500."""
+    """smoke: a few episodes, minutes; standard: 100 per cell, an hour or two on two cores; full: 500."""
     seed: int = 0
     """Seed of worlds, starts and agents."""
     only: str = ""
@@ -57,7 +57,7 @@ class Reproduce:
 
 
 def show_steps(steps: Iterable[Step]) -> None:
-    """Show a bar an experiment while it runs, and a line when it is finished."""
+    """Show one bar per experiment while it runs, and a line when it is finished."""
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     started: dict[str, float] = {}
     with Progress(*columns, transient=True) as progress:

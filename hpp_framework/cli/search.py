@@ -53,7 +53,7 @@ class Search:
     """Folder to write to (default: runs/search-SKILL-ROBOT)."""
 
     def run(self) -> None:
-        """Search, with a progress bar a trial, and print how to train the winner."""
+        """Search, with a progress bar per trial, and print how to train the winner."""
         from hpp_framework.plugins.registry import hub
         from hpp_framework.training.search.report import REPORT, train_command
         from hpp_framework.training.search.run import search_skill
@@ -112,7 +112,7 @@ def _bars(steps: int) -> Generator[Watch]:
             if name not in bars:
                 bars[name] = progress.add_task(name, total=steps)
             last = max(curve, default=0)
-            practice = f", practice {curve[last]:.3f}" if last else ""
-            progress.update(bars[name], completed=last, description=f"{name}{practice}")
+            success = f", success {curve[last]:.3f}" if last else ""
+            progress.update(bars[name], completed=last, description=f"{name}{success}")
 
         yield watch

@@ -87,7 +87,7 @@ class TrainPredictor:
     """Folder to write to."""
 
     def run(self) -> None:
-        """Train, with a progress bar a model."""
+        """Train, with a progress bar per model."""
         from hpp_framework.core.predictor import PredictorTraining
         from hpp_framework.plugins.registry import hub
         from hpp_framework.prediction.dataset import collected_team
@@ -134,11 +134,11 @@ class TrainMaddpg:
     """Folder to write to."""
 
     def run(self) -> None:
-        """Train, with a progress bar a seed."""
+        """Train, with a progress bar per seed."""
         from hpp_framework.planning.baselines.maddpg import feature_count
         from hpp_framework.plugins.build import parse_team
         from hpp_framework.plugins.registry import hub
-        from hpp_framework.training.maddpg.practice import Recipe
+        from hpp_framework.training.maddpg.episodes import Recipe
         from hpp_framework.training.maddpg.seeds import MaddpgTraining, keep_best, plot_seeds, train_seed
         from hpp_framework.utils.executor import run_tasks
 
@@ -178,7 +178,7 @@ def _seeds(text: str) -> list[int]:
 
 
 def _show(models: Iterable[str], steps: int, reports: Iterable[TrainingProgress]) -> None:
-    """Show a bar a model, and what trainings have to say."""
+    """Show one bar per model, and what trainings have to say."""
     from rich.progress import Progress
 
     with Progress() as bars:

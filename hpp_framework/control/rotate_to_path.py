@@ -34,7 +34,7 @@ class RotateToPathConfig:
             the path only: at speed it would go on as before as soon as it has begun to turn to a point
             farther off. A robot at rest turns anyway, and loses time by what is near.
         under_way: metres that a robot has come within ``since`` if it is under way.
-        since: keyframes, one a second.
+        since: keyframes, one per second.
     """
 
     behind: float = 2.4

@@ -36,7 +36,7 @@ class SafetyFilterConfig:
     Attributes:
         margin: metres to keep from what is seen; what is hidden behind a thin leg's near side is as near. It
             grows by the distance that the robot drives in the jitter of its commands.
-        memory: keyframes heeded beside the history, one a second.
+        memory: keyframes heeded beside the history, one per second.
         way_out: metres that must be free before a robot that stands before something drives off.
     """
 

@@ -1,4 +1,4 @@
-"""Where robots that brake now come to stand: a robot that does 1 m/s needs more than a metre to stop."""
+"""Where robots that brake now come to rest: from 1 m/s a robot needs more than a metre to stop."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ SPEED_STEPS = 3
 
 
 class StoppingPoints:
-    """Foresees everybody's halt: at full deceleration, in the direction that the present turn leads to.
+    """Predicts where all robots stop: at full deceleration, in the direction that the present turn leads to.
 
-    Of its own motion an agent knows what its odometry says, of the others' what their poses tell.
+    An agent takes its own motion from odometry, and that of the others from their poses.
 
     Args:
         robots: the team, for its deceleration.
@@ -31,17 +31,17 @@ class StoppingPoints:
         self.turn_deceleration = torch.tensor([robot.drive.turn_acceleration for robot in robots])
 
     def __call__(self, observation: Observation) -> Float[Tensor, "b n 2"]:
-        """Return where everybody comes to stand, world frame, metres."""
+        """Return where each robot comes to rest, world frame, metres."""
         speed, turn = motion(observation)
         distance = speed.square() / (2 * self.deceleration.to(speed))
         return observation.team_poses[..., :2] + distance[..., None] * self.direction(observation, turn)
 
     def direction(self, observation: Observation, turn: Float[Tensor, "b n"]) -> Float[Tensor, "b n 2"]:
-        """Return the unit vectors along which everybody halts, world frame.
+        """Return the unit vectors along which the robots stop, world frame.
 
         Args:
             observation: what the agent knows.
-            turn: everybody's turn rate, rad/s, which ends at full deceleration.
+            turn: turn rates of all robots, rad/s, which end at full deceleration.
         """
         heading = observation.team_poses[..., 2]
         heading = heading + turn * turn.abs() / (2 * self.turn_deceleration.to(turn))
@@ -49,7 +49,7 @@ class StoppingPoints:
 
 
 def motion(observation: Observation) -> tuple[Float[Tensor, "b n"], Float[Tensor, "b n"]]:
-    """Return everybody's speed (m/s) and turn rate (rad/s)."""
+    """Return speed (m/s) and turn rate (rad/s) of all robots."""
     if observation.velocities is not None:
         return observation.velocities[..., 0], observation.velocities[..., 1]
     poses = observation.team_poses

@@ -1,12 +1,12 @@
-"""Terminal approach: the last metres into a gathering, where a skill made for obstacles would circle.
+"""Terminal approach: the last metres to a target, where a skill made for obstacles would circle.
 
 To a skill that drives by lidar, teammates that have arrived are obstacles around its goal: it swerves, drives
-round them and never arrives. What is known of them is better than a scan: where they are, and how wide.
+round them and never arrives. This layer uses more than the scan: the teammates' poses and footprints.
 
-What a planner wants matters no longer once the whole team is near: goals a metre apart are as good, and a
-robot that turns from one to the next never gets anywhere. Then the team settles around its middle, which all
-know. Two robots pass each other by as easily, each on its way to a goal of its own; they meet at their
-middle, and once they see each other they need no goal: they drive straight together.
+Once the whole team is near, the planner's goal no longer matters: goals a metre apart are as good, and a
+robot that turns from one to the next never arrives. The team is then in its terminal phase and gathers
+around its middle, which all robots know. Two robots would pass each other as easily, each driving to its own
+goal. They meet at their middle; once they see each other they drive straight at each other.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from hpp_framework.perception.visibility import all_in_view, in_the_way
 from hpp_framework.utils.errors import ConfigError
 
 LOOKS = 8
-"""Times that the middle of a settling team is moved off the nearest thing that stands still."""
+"""Times that the middle of a team in its terminal phase is moved off the nearest static point."""
 CHANGED = 0.05
 """m/s and rad/s by which a safety filter changes a command that it objects to."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TerminalApproachConfig:
-    """How a robot comes to its spot.
+    """How a robot approaches its target.
 
     Attributes:
-        near: metres from a spot of its own within which a robot takes over from its skill.
+        near: metres from a target of its own within which the layer takes over from the skill.
         astray: metres that the middle of a team may be moved by to find room; where there is none that near,
             the skills go on.
         gap: metres that a robot keeps from a teammate that stands; from one that drives it keeps farther, by
@@ -80,9 +80,9 @@ class TerminalApproachConfig:
 
 
 class TerminalApproach(ControlLayer):
-    """Takes over from the skill near a spot: turns to it, drives straight, and waits for who is in the way.
+    """Takes over from the skill near a target: turns to it, drives straight, waits for teammates in the way.
 
-    Where something else than a teammate is in the way, the skill goes on: that is what it is made for. It is
+    Where something else than a teammate is in the way, the skill goes on: it is made for obstacles. It is
     kept from driving into teammates, though.
 
     Where each robot has a target of its own, it goes there as soon as its own path is free, and makes room
@@ -93,8 +93,8 @@ class TerminalApproach(ControlLayer):
     Args:
         robots: the team.
         agent: index of the robot.
-        task: says whether a team settles, and where, and whether each robot has a spot of its own.
-        config: how it comes there.
+        task: says whether there is a terminal phase, and where, and whether each robot has its own target.
+        config: how it approaches.
     """
 
     def __init__(
@@ -121,12 +121,12 @@ class TerminalApproach(ControlLayer):
     def filter(
         self, observation: Observation, waypoint: Float[Tensor, "b 2"], command: Float[Tensor, "b 2"]
     ) -> Float[Tensor, "b 2"]:
-        """Return the command that approaches where the robot is near its spot, else the given one."""
+        """Return the command that approaches where the robot is near its target, else the given one."""
         if not self.useful:
             return command
         room = self._room(observation)
         command = slowed(command, self._stoppable(room, self.robot.drive.acceleration))
-        stance, near = self.stance_among(observation, waypoint)
+        target, near = self.target_among(observation, waypoint)
         afar = torch.zeros_like(near)
         terminal = self.task.terminal(observation.team_poses)
         if terminal is not None and not self.own_targets:
@@ -134,28 +134,29 @@ class TerminalApproach(ControlLayer):
             afar = afar.index_put((apart,), all_in_view(observation.episodes(apart), self.robots))
             # as far beyond the middle, so that it does not slow down for it
             beyond = any_heading(2 * terminal.middle - observation.pose[:, :2])
-            stance = torch.where(afar[:, None], beyond, stance)
-        docks = near | afar
-        if not bool(docks.any()):
+            target = torch.where(afar[:, None], beyond, target)
+        approaches = near | afar
+        if not bool(approaches.any()):
             return command
-        wanted = self._straight(observation, stance, room, afar)
+        wanted = self._straight(observation, target, room, afar)
         allowed = self.safety.corrected(observation, wanted)
-        free = ((allowed - wanted).abs() < CHANGED).all(-1) & ~self._blocked(observation, stance[:, :2])
-        return torch.where((docks & free)[:, None], wanted, command)
+        free = ((allowed - wanted).abs() < CHANGED).all(-1) & ~self._blocked(observation, target[:, :2])
+        return torch.where((approaches & free)[:, None], wanted, command)
 
-    def stance_among(
-        self, observation: Observation, spot: Float[Tensor, "b 2"]
+    def target_among(
+        self, observation: Observation, waypoint: Float[Tensor, "b 2"]
     ) -> tuple[Float[Tensor, "b 3"], Bool[Tensor, "b"]]:
-        """Return where the robot docks, looking where (NaN: anywhere), and whether it does.
+        """Return the robot's target pose (heading NaN: any), and whether it approaches it.
 
-        It docks near its spot, and where its team settles and it sees that the way there is free.
+        It approaches near a target of its own, and in the terminal phase where it sees that the path is free.
         """
         poses = observation.team_poses
-        stance = any_heading(spot)
-        near = (observation.pose[:, :2] - spot).norm(dim=-1) < (self.config.near if self.own_targets else 0.0)
+        target = any_heading(waypoint)
+        distance = (observation.pose[:, :2] - waypoint).norm(dim=-1)
+        near = distance < (self.config.near if self.own_targets else 0.0)
         terminal = self.task.terminal(poses)
         if terminal is None or not bool(terminal.now.any()):
-            return stance, near
+            return target, near
         rows = terminal.now.nonzero()[:, 0]
         middle = terminal.middle[rows]
         points, still = seen_points(observation.episodes(rows), self.robot.lidar)
@@ -166,23 +167,23 @@ class TerminalApproach(ControlLayer):
         rows, centre = rows[free], centre[free]
         targets = self.task.targets(centre, poses[rows])
         own = any_heading(centre) if targets is None else targets[:, self.agent]
-        return stance.index_put((rows,), own), near.index_fill(0, rows, True)
+        return target.index_put((rows,), own), near.index_fill(0, rows, True)
 
     def _straight(
         self,
         observation: Observation,
-        stance: Float[Tensor, "b 3"],
+        target: Float[Tensor, "b 3"],
         room: Float[Tensor, "b"],
         afar: Bool[Tensor, "b"],
     ) -> Float[Tensor, "b 2"]:
-        """Return the command [v, omega] towards a stance, as slow as the room before teammates asks for.
+        """Return the command [v, omega] towards a target, as slow as the room before teammates requires.
 
-        Where the stance is far off, it does not slow down to turn.
+        Where the target is far off, it does not slow down to turn.
         """
         drive = self.robot.drive
-        distance, aside = polar(observation.pose, stance[:, :2]).unbind(-1)
+        distance, aside = polar(observation.pose, target[:, :2]).unbind(-1)
         there = distance < self.config.exact
-        look = wrap_angle(stance[:, 2] - observation.pose[:, 2]).nan_to_num(0.0)
+        look = wrap_angle(target[:, 2] - observation.pose[:, 2]).nan_to_num(0.0)
         aside = torch.where(there, look, aside)
         turn = aside.sign() * self._stoppable(aside.abs(), drive.turn_acceleration).clamp(max=drive.turn_rate)
         speed = self._stoppable(distance.minimum(room), drive.acceleration).clamp(max=drive.speed[1])
@@ -199,11 +200,11 @@ class TerminalApproach(ControlLayer):
         away = (mates - observation.pose[:, None, :2]).norm(dim=-1)
         return (away < self.config.near).sum(-1) > 1
 
-    def _blocked(self, observation: Observation, spot: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
-        """Return whether the scan shows something on the straight way to the spot that is no teammate."""
+    def _blocked(self, observation: Observation, target: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
+        """Return whether the scan shows something on the straight path to the target that is no teammate."""
         # what is seen now counts, not what stood there before
         points, still = seen_points(replace(observation, keyframes=None), self.robot.lidar)
-        return in_the_way(observation.pose, spot, points, still, self.robot.footprint_radius)
+        return in_the_way(observation.pose, target, points, still, self.robot.footprint_radius)
 
     def _room(self, observation: Observation) -> Float[Tensor, "b"]:
         """Return how far the robot can drive on before it is too near a teammate or its halt, metres."""

@@ -1,4 +1,4 @@
-"""Yield together: robots that meet come to stand where that just fulfils the task.
+"""Yield together: robots that meet come to rest where that just fulfils the task.
 
 Robots stop as soon as braking fulfils it (:mod:`hpp_framework.control.stop_on_success`), and drive on as
 before until then. They decide once a control step, so two that drive at each other at 1 m/s may drive 0.4 m
@@ -32,8 +32,8 @@ class YieldTogetherConfig:
 
     Attributes:
         choices: changes of speed that are weighed, from full deceleration to full acceleration.
-        short: metres by which a robot may drive less far than foreseen, so that it need not drive on once it
-            stands.
+        short: metres by which a robot may stop short of the prediction, so that it need not drive on once it
+            has stopped.
     """
 
     choices: int = 17
@@ -48,7 +48,7 @@ class YieldTogether(ControlLayer):
     """Limits a robot's speed to what the task still asks for, counting on all others to do the same.
 
     All are taken to change their speeds in one proportion of what they can, the least after which braking
-    fulfils the task. So no robot needs to be told who gives in; what one misjudges is seen a step later.
+    fulfils the task. So robots need not agree which of them yields; a misjudgement is seen one step later.
 
     Args:
         robots: the team.
@@ -86,8 +86,10 @@ class YieldTogether(ControlLayer):
         while_changing = torch.where(
             changed > 0, (speed + changed) / 2 * CONTROL_PERIOD, speed.square() / (2 * deceleration)
         )
-        way = while_changing + changed.square() / (2 * deceleration) - self.config.short
-        halts = poses[:, None, :, :2] + way[..., None] * self.stopping.direction(observation, turn)[:, None]
+        distance = while_changing + changed.square() / (2 * deceleration) - self.config.short
+        halts = (
+            poses[:, None, :, :2] + distance[..., None] * self.stopping.direction(observation, turn)[:, None]
+        )
         met = self.task.success(torch.cat([halts, poses[:, None, :, 2:].expand_as(halts[..., :1])], -1))
         least = met.to(torch.uint8).argmax(1)  # the first of those that are enough
         enough = changed[torch.arange(len(poses)), least, self.agent]
@@ -97,10 +99,10 @@ class YieldTogether(ControlLayer):
 def speeds_now(
     observation: Observation, mean: Float[Tensor, "b n"], acceleration: Float[Tensor, "n"]
 ) -> Float[Tensor, "b n"]:
-    """Return everybody's present speed, m/s: one's own by odometry, the others' as their history goes on.
+    """Return all present speeds, m/s: the own one by odometry, the others' extrapolated from their poses.
 
-    A mean over the last poses lags behind who speeds up. The change of two means tells by how much; as poses
-    are noisy, it counts up to what a robot can do.
+    A mean over the last poses lags behind a robot that speeds up. The change of two means tells by how much;
+    as poses are noisy, it counts up to what a robot can do.
 
     Args:
         observation: what the agent knows.

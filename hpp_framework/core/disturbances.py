@@ -120,7 +120,7 @@ FIELD = Disturbances(
     sensing_delay=0.1,
     # a command over ROS topics to a base controller of 10 to 20 Hz and its motors
     command_delay=0.15, command_jitter=0.05,
-    # poses over Wi-Fi, sent 5 to 10 times a second
+    # poses over Wi-Fi, sent 5 to 10 times per second
     message_delay=0.3, message_jitter=0.1, message_loss=0.1,
     # SICK TIM571 data sheet: statistical error 20 mm
     scan_std=0.02, lost_beams=0.02,

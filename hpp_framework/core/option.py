@@ -74,7 +74,7 @@ class Option:
         Args:
             observation: of the robot.
             goal: that it was started for, world coordinates.
-            steps: control steps since then; one number or one an episode.
+            steps: control steps since then; one number or one per episode.
         """
         over = self.ends(observation, goal)
         return over | (torch.as_tensor(steps, device=over.device) >= self.budget)

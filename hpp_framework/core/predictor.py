@@ -63,7 +63,7 @@ def own_motion(imagined: Trajectories, goals: int) -> Trajectories:
     """Return each robot's motion towards its own place.
 
     Args:
-        imagined: everybody's motion towards every robot's place, goal by goal.
+        imagined: the team's motion towards every robot's place, goal by goal.
         goals: how many there are.
     """
     poses = imagined.poses.unflatten(1, (goals, -1)).diagonal(dim1=2, dim2=4).movedim(-1, -2)
@@ -78,7 +78,7 @@ class PredictorRequest:
     """What a predictor factory is told.
 
     Attributes:
-        team: everybody, with robots and skills.
+        team: all robots, with their skills.
         agent: index of the agent that will use it.
         folders: extra folders searched for weights before the registered ones.
     """

@@ -25,12 +25,12 @@ class Member:
         id: unique name in the team.
         robot: its data.
         skill: registered name of its skill.
-        planner: registered meta-planner, with settings of its own or without; None for that of everybody.
+        planner: registered meta-planner, with settings of its own or without; None for that of all robots.
         control: its control stack; None for that of all robots.
         believes: what this robot wrongly takes others for, by id; it predicts them with the models of those.
             Of itself it may be wrong about its skill.
         weights: folder of the predictor weights by which it predicts a robot, by that robot's id (its own is
-            possible); robots that are not named are looked for in the folders of everybody.
+            possible); robots that are not named are looked for in the folders of all robots.
         disturbances: of its sensing and acting, as an experiment names them; None for those of all robots.
         joins_at: seconds from which on it takes part; it stands until then.
         leaves_at: seconds from which on it stands and takes part no longer; None for never.
@@ -57,7 +57,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Team:
-    """Everybody, in a fixed order."""
+    """All robots, in a fixed order."""
 
     members: tuple[Member, ...]
 

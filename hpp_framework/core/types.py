@@ -79,7 +79,7 @@ class State:
 
 @dataclass(frozen=True)
 class Keyframes:
-    """What an agent remembers of the last seconds: now and then a scan, and everybody's poses at that time.
+    """What an agent remembers of the last seconds: now and then a scan, and all robots' poses at that time.
 
     Attributes:
         poses: noisy poses of all robots in the world frame, oldest first.
@@ -126,14 +126,14 @@ class Privileged:
 
 @dataclass(frozen=True)
 class Observation:
-    """What one agent knows: everybody's noisy poses, its own lidar, its own odometry.
+    """What one agent knows: noisy poses of the team, its own lidar, its own odometry.
 
     Attributes:
         agent: index of the observing robot in the team.
         poses: noisy poses of all robots in the world frame, oldest first.
         scans: own lidar, oldest first.
         velocity: own forward speed (m/s) and turn rate (rad/s).
-        keyframes: what it remembers beyond the history; None where nobody keeps them.
+        keyframes: what it remembers beyond the history; None where they are not kept.
         velocities: estimated speed (m/s) and turn rate (rad/s) of all robots; None where no estimator says.
         std: standard deviations of each robot's position along each axis (m), heading (rad) and speed (m/s):
             relative to the agent; of its own, in the world. None where no estimator says.
@@ -174,7 +174,7 @@ class Observation:
 
     @property
     def team_poses(self) -> Float[Tensor, "b n 3"]:
-        """Everybody's newest poses."""
+        """Newest poses of all robots."""
         return self.poses[:, -1]
 
     @property
@@ -189,7 +189,7 @@ class Trajectories:
 
     Attributes:
         poses: predicted poses in the world frame; the heading is NaN where a predictor gives positions only.
-        times: seconds ahead of now, one a predicted step, increasing.
+        times: seconds ahead of now, one per predicted step, increasing.
         std: standard deviation of the predicted positions in metres, along each axis; None where a predictor
             does not say how sure it is.
     """

@@ -192,7 +192,7 @@ class SpawnRule:
         axis: angle in radians of the line from robot 1 to robot 0, or None for any.
         axis_spread: half-width in radians of a uniform disturbance of ``axis``.
         clearance: smallest gap between a footprint and an obstacle, in metres.
-        poses: fixed starts (x, y, heading in radians), one a robot in team order; they replace all of the
+        poses: fixed starts (x, y, heading in radians), one per robot in team order; they replace all of the
             above but ``clearance``.
     """
 
@@ -252,7 +252,7 @@ class World:
         return str(self.file) if self.file else f"world '{self.name}'"
 
     def at_rest(self) -> World:
-        """Return the world without what moves: the same for all episodes, whoever walks in them."""
+        """Return the world without what moves: the same for all episodes, whichever people walk in them."""
         return replace(self, people=(), moving=()) if self.people or self.moving else self
 
     def solid_boxes(self) -> tuple[Box, ...]:

@@ -20,7 +20,7 @@ class NavigationTasks:
 
     Args:
         pool: the worlds; if it knows paths, goals are those that it knows paths to.
-        shape: rows, robots a row.
+        shape: rows, robots per row.
         goal_distance: nearest and farthest goal, straight line, in metres.
         gap: smallest distance between the middles of two robots at the start, in metres.
         detours: share of tasks to the goal with the longest detour among some, if paths are known.

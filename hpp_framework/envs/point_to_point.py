@@ -23,7 +23,7 @@ from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.core.types import State
 from hpp_framework.core.world import World
 from hpp_framework.envs.navigation_tasks import NavigationTasks
-from hpp_framework.envs.problem import PointToPoint, Practice
+from hpp_framework.envs.problem import DomainRandomisation, PointToPoint
 from hpp_framework.envs.spaces import (
     MAX_GOAL_DISTANCE,
     command_space,
@@ -43,7 +43,7 @@ from hpp_framework.worlds.pool import WorldPool, build_pool
 START_GAP = 0.3
 """Smallest gap between two footprints at the start, in metres."""
 PRIVILEGED = 5
-"""Numbers in the observation ``privileged`` of a practice."""
+"""Size of the observation ``privileged`` of a training."""
 
 
 def observation_space(robot: RobotSpec, *, privileged: bool = False) -> gym.Space[Any]:
@@ -51,7 +51,7 @@ def observation_space(robot: RobotSpec, *, privileged: bool = False) -> gym.Spac
 
     Args:
         robot: the robot.
-        privileged: whether there is an entry ``privileged`` (see :class:`Practice`).
+        privileged: whether there is an entry ``privileged`` (see :class:`DomainRandomisation`).
     """
     parts: dict[str, gym.Space[Any]] = {
         "scan": scan_space(robot), "goal": goal_space(), "velocity": command_space(robot)
@@ -77,8 +77,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         pool: worlds drawn already, instead of ``world``, ``pool_size`` and ``seed``.
         unit_actions: whether actions lie in [-1, 1] and are scaled to the drive limits, or are m/s and rad/s.
         autoreset: whether a robot whose episode ended begins the next in the same step (Gymnasium's
-            ``SAME_STEP``); else everybody waits for :meth:`reset`.
-        practice: of training, instead of ``disturbances``, or None.
+            ``SAME_STEP``); else all robots wait for :meth:`reset`.
+        randomisation: of training, instead of ``disturbances``, or None.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012  # Gymnasium's own form
@@ -98,7 +98,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         pool: WorldPool | None = None,
         unit_actions: bool = False,
         autoreset: bool = True,
-        practice: Practice | None = None,
+        randomisation: DomainRandomisation | None = None,
     ) -> None:
         if robots_per_world < 1 or num_envs < 1 or num_envs % robots_per_world:
             raise ConfigError(
@@ -113,21 +113,21 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self.started = False
         self.robot = hub().robots.create(robot) if isinstance(robot, str) else robot
         self.problem = problem or PointToPoint()
-        self.practice = practice
-        self.disturbances = practice.disturbances if practice else disturbances
+        self.randomisation = randomisation
+        self.disturbances = randomisation.disturbances if randomisation else disturbances
         self.num_envs = num_envs
         self.worlds_count = num_envs // robots_per_world
         self.robots_per_world = robots_per_world
         self.pool = pool or build_pool(world, pool_size, [self.robot], seed=seed)
         shape = (self.worlds_count, robots_per_world)
         gap = 2 * self.robot.footprint_radius + START_GAP
-        detours = practice.detours if practice else 0.0
+        detours = randomisation.detours if randomisation else 0.0
         self.tasks = NavigationTasks(self.pool, shape, self.problem.goal_distance, gap, detours)
         self.simulator = BatchSimulator([self.robot] * robots_per_world, device=device)
         self.simulator.load(self.pool.worlds, episodes=self.worlds_count)
         # skills see the present only
         self._batch = EpisodeBatch(self.simulator, disturbances=self.disturbances, history=1, keyframes=0)
-        self.single_observation_space = observation_space(self.robot, privileged=practice is not None)
+        self.single_observation_space = observation_space(self.robot, privileged=randomisation is not None)
         self.single_action_space = unit_space() if unit_actions else command_space(self.robot)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, num_envs)
         self.action_space = gym.vector.utils.batch_space(self.single_action_space, num_envs)
@@ -144,7 +144,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         """Start every robot anew.
 
         Args:
-            seed: makes all that follows repeatable; a list of seeds counts as one seed for everybody.
+            seed: makes all that follows repeatable; a list of seeds counts as one seed for all robots.
             options: ``"reset_mask"``, booleans (num_envs,): start only these robots, and those who share a
                 world with the first robot of their world if that one starts; others are ignored.
 
@@ -180,8 +180,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         given = np.asarray(mask)
         if not self.started or given.shape != (self.num_envs,) or given.dtype != np.bool_:
             raise ConfigError(
-                f"reset_mask must be {self.num_envs} booleans, one a robot, after a first reset without it; "
-                f"got {given.dtype} of shape {given.shape}."
+                f"reset_mask must be {self.num_envs} booleans, one per robot, after a first reset without "
+                f"it; got {given.dtype} of shape {given.shape}."
             )
         chosen = torch.from_numpy(given).reshape(self.worlds_count, self.robots_per_world)
         self._begin(chosen | chosen[:, :1], self.simulator.state())
@@ -190,15 +190,15 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
     def step(
         self, actions: npt.NDArray[Any]
     ) -> tuple[dict[str, Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], dict[str, Any]]:
-        """Drive everybody for one control period.
+        """Drive all robots for one control period.
 
         Args:
             actions: (num_envs, 2), in -1..1 or m/s and rad/s.
 
         Returns:
-            Observations, rewards, which robots arrived (or failed, in practice), which ran out of time, and
-            info: ``touched``, and if an episode ended ``final_obs`` (an array of one observation a robot,
-            None where its episode goes on) and ``final_info``.
+            Observations, rewards, which robots arrived (or failed, under randomisation), which ran out of
+            time, and info: ``touched``, and if an episode ended ``final_obs`` (an array of one observation
+            per robot, None where its episode goes on) and ``final_info``.
 
         Raises:
             SimulatorError: before the first reset, or if actions are not finite or have the wrong shape.
@@ -240,7 +240,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
 
     def _disturbed(self, commands: Tensor) -> Tensor:
         """Return what the drives make of commands."""
-        if not self.practice:
+        if not self.randomisation:
             return commands
         given = commands
         commands = torch.where(self._late[:, None, None], self._last_commands, commands)
@@ -282,8 +282,8 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         success = self._dwelt >= p.dwell
         collided = touching & ~self._touching
         failed = torch.zeros_like(collided)
-        if self.practice:
-            ends = torch.rand(collided.shape, generator=self.rng) < self.practice.end_on_touch
+        if self.randomisation:
+            ends = torch.rand(collided.shape, generator=self.rng) < self.randomisation.end_on_touch
             failed = collided & ends & ~success
         reward = (
             p.progress * (self._left - left)
@@ -305,19 +305,19 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
         self._dwelt[chosen] = 0
         self._touching = self._touching & ~chosen
         self._last_commands[chosen] = 0.0
-        if self.practice:
-            self._draw_disturbances(self.practice, chosen[:, 0])
+        if self.randomisation:
+            self._draw_disturbances(self.randomisation, chosen[:, 0])
         state = self.simulator.place(self.tasks.world_index.to(torch.int32), chosen, poses)
         self._poses, self._velocities = state.poses.cpu(), state.velocities.cpu()
         return state
 
-    def _draw_disturbances(self, practice: Practice, worlds: Tensor) -> None:
+    def _draw_disturbances(self, randomisation: DomainRandomisation, worlds: Tensor) -> None:
         strength, late, drive = torch.rand(3, len(worlds), generator=self.rng)
         sensors = self._batch.sensing.sensors
         before = strength if sensors.intensity is None else sensors.intensity
         sensors.intensity = torch.where(worlds, strength, before)
-        self._late = torch.where(worlds, late < practice.late, self._late)
-        weakest = practice.weakest_drive
+        self._late = torch.where(worlds, late < randomisation.late, self._late)
+        weakest = randomisation.weakest_drive
         self._drive = torch.where(worlds, weakest + (1 - weakest) * drive, self._drive)
 
     def _observe(self) -> dict[str, Any]:
@@ -335,7 +335,7 @@ class PointToPointVectorEnv(gym.vector.VectorEnv[dict[str, Any], Any, Any]):
             "scan": flat([view.scan for view in views]),
             "velocity": flat([view.velocity for view in views]),
         }
-        if self.practice:
+        if self.randomisation:
             observation["privileged"] = self._privileged().reshape(self.num_envs, PRIVILEGED).numpy()
         return observation
 

@@ -1,4 +1,4 @@
-"""The point-to-point navigation problem: what counts as arriving, what pays, what is harder in practice."""
+"""The point-to-point navigation problem: what counts as arriving, rewards, and domain randomisation."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class PointToPoint:
 
 
 @validated
-class Practice:
-    """What is harder in training than in the plain problem, drawn anew with each world.
+class DomainRandomisation:
+    """How training is harder than the plain problem, drawn anew with each world.
 
     Observations get an entry ``privileged`` for a critic, which no skill sees: metres to go along the path in
     tens, cosine and sine of the path's bearing, the share of time left, and the strength of the disturbances.

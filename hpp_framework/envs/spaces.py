@@ -103,7 +103,7 @@ def check_bounds(world: World) -> None:
 
 
 def team_poses(observation: Observation) -> Float[Tensor, "b n 3"]:
-    """Return everybody's newest observed poses, headings wrapped: noise may have carried one past pi."""
+    """Return the newest observed poses, headings wrapped: noise may have carried one past pi."""
     poses = observation.team_poses
     heading = poses[..., 2:]
     # wrapping rounds, so headings that need none are left as they are

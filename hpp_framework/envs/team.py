@@ -1,6 +1,6 @@
 """A team as a PettingZoo ``ParallelEnv``: the paper's Dec-POMDP over any simulator.
 
-Every agent sees its own lidar and odometry, noisy poses of everybody and its current goal, and is driven by
+Every agent sees its own lidar and odometry, noisy poses of the team and its current goal, and is driven by
 commands. The reward is shared. See docs/environments.md.
 """
 
@@ -144,7 +144,7 @@ class TeamEnv(ParallelEnv[str, Any, Any]):
     def step(
         self, actions: dict[str, Any]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """Drive everybody for one control step.
+        """Drive all robots for one control step.
 
         Args:
             actions: commands [v in m/s, omega in rad/s] by agent; drive limits are applied.

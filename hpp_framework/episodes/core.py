@@ -41,7 +41,7 @@ class EpisodeBatch:
         disturbances: of sensing and acting, the same for all or one for each robot.
         estimators: one for each agent; None takes what was sensed last as it is.
         history: entries that observations hold; fewer cost less.
-        keyframes: that observations hold, one a second; 0 for none.
+        keyframes: that observations hold, one per second; 0 for none.
         shared: whether states may be the simulator's own memory, which the next step overwrites.
 
     Attributes:

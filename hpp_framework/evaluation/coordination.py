@@ -22,7 +22,7 @@ ASIDE = 0.5
 
 @dataclass(frozen=True)
 class Coordination:
-    r"""One entry an episode.
+    r"""One entry per episode.
 
     Attributes:
         goal_gap: mean distance between two robots' goals, over pairs and time, metres.

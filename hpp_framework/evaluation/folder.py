@@ -1,8 +1,8 @@
 """Run folders: what ``config.json`` records, and which command may write into which folder.
 
-``config.json`` holds the experiment's own fields, ``command``, ``world_files`` (a digest a world file) and
-``task_file`` (its digest); these must be the same to resume. ``versions`` and ``planner_configs`` are there
-to be read.
+``config.json`` holds the experiment's own fields, ``command``, ``world_files`` (one digest per world file)
+and ``task_file`` (its digest); these must be the same to resume. ``versions`` and ``planner_configs`` are
+there to be read.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ COLORS = ("#2364aa", "#d1495b", "#3a9d23", "#8e5ea2", "#ea7317", "#00798c", "#6b
 PLAIN = {"constant-velocity": ("#8a8f99", "--"), "empty-world": ("#20242c", ":")}
 """Colour and line of models that have learnt nothing."""
 PANEL = (5.2, 4.1)
-"""Inches a panel."""
+"""Inches per panel."""
 ROLES = {"self": "of itself", "other": "of the other robot"}
 BAR_SECONDS = 5.0
 """Horizon of the bars by world, or the nearest that a predictor has."""
@@ -106,7 +106,7 @@ def plot_calibration(file: Path, found: Mapping[tuple[str, str, str], Misses], *
 
 
 def plot_losses(file: Path, cards: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Path | None:
-    """Draw the training losses that cards hold, a panel a kind, as figure 10 of the paper.
+    """Draw the training losses that cards hold, one panel per kind, as figure 10 of the paper.
 
     Args:
         file: the picture; its suffix chooses the format.
@@ -154,7 +154,7 @@ def _roles(rows: Sequence[Row]) -> list[str]:
 
 
 def _styles(rows: Sequence[Row]) -> dict[str, tuple[str, str]]:
-    """Return a colour and a line a predictor."""
+    """Return a colour and one line per predictor."""
     names = list(dict.fromkeys(row.predictor for row in rows))
     learned = [name for name in names if name not in PLAIN]
     styles = {name: (COLORS[index % len(COLORS)], "-") for index, name in enumerate(learned)}

@@ -26,7 +26,7 @@ def report(summary: Sequence[dict[str, Any]], pictures: Sequence[str]) -> str:
     worlds = list(dict.fromkeys(row["world"] for row in summary if row["world"] != ALL_WORLDS))
     parts = [
         f"# Predictors of {first['team']}\n",
-        f"{first['trajectories']} trajectories a world ({', '.join(Path(w).stem for w in worlds)}), seed "
+        f"{first['trajectories']} trajectories per world ({', '.join(Path(w).stem for w in worlds)}), seed "
         f"{first['seed']}.\n",
         f"Mean position error in metres, {everywhere}; 90 % of the predictions are better than the number in "
         "brackets.\n",

@@ -59,7 +59,7 @@ class PredictorStudy:
     Attributes:
         predictors: registered predictors; those of :data:`BASELINES` that are missing come last.
         team: as on the command line.
-        skill: registered skill of everybody.
+        skill: registered skill of all robots.
         worlds: registered worlds or world files.
         trajectories: a world.
         seconds: ahead, at most.
@@ -136,7 +136,7 @@ def run_study(
 
 def _draw(study: PredictorStudy, team: Team, out: Path, errors: list[ErrorRow], cells: Cells) -> list[str]:
     """Draw what there is to draw; returns the pictures' names."""
-    title = f"{study.team}, {study.trajectories} trajectories a world, seed {study.seed}"
+    title = f"{study.team}, {study.trajectories} trajectories per world, seed {study.seed}"
     plot_horizons(out / HORIZONS, errors, title=title)
     plot_worlds(out / WORLDS, errors, title=title)
     drawn = [HORIZONS, WORLDS]

@@ -27,7 +27,7 @@ MOMENTS = (0, 15, 40)
 SLICE = 200
 """Episodes that are predicted at once, which bounds the memory."""
 WORLDS = 100
-"""Different worlds a cell, at most."""
+"""Different worlds per cell, at most."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Question:
     """A moment of many trajectories, and what came of it.
 
     Attributes:
-        observations: one a robot.
-        goals: everybody's, world coordinates.
-        future: everybody's position one control step ahead, two, ...
+        observations: one per robot.
+        goals: of all robots, world coordinates.
+        future: positions of all robots one control step ahead, two, ...
     """
 
     observations: list[Observation]
@@ -107,7 +107,7 @@ def _keep(seen: Observation) -> Observation:
 
 
 def misses(predictor: Predictor, agent: int, questions: list[Question]) -> list[Misses]:
-    """Ask one robot's predictor every question; returns an entry a predicted robot, in team order.
+    """Ask one robot's predictor every question; returns one entry per predicted robot, in team order.
 
     Raises:
         ConfigError: if the predictor cannot look as far as a control step, or its times fall between them.

@@ -63,9 +63,9 @@ class Recorder:
         Args:
             about: what it was, plain data; how it ended is added.
             world: its world.
-            team: everybody.
+            team: all robots.
             episodes: the whole batch.
-            period: seconds a control step.
+            period: seconds per control step.
         """
         last = int(episodes.last_step()[self.index])
         moments = self._moments[: last + 1]
@@ -110,7 +110,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 class _Moment:
-    """One control step; a list entry an agent."""
+    """One control step; a list entry per agent."""
 
     seen: list[np.ndarray]
     scans: list[np.ndarray]

@@ -20,7 +20,7 @@ from hpp_framework.episodes.core import EpisodeBatch
 from hpp_framework.sim.simulator import Simulator
 
 EPISODE_STEPS = 100
-"""Control steps an episode (20 s; appendix C.1)."""
+"""Control steps per episode (20 s; appendix C.1)."""
 
 LATENCY_REPEATS = 4
 """Plans timed an agent, after a first one that begins without a belief."""
@@ -38,7 +38,7 @@ class Episodes:
         touched_obstacle: whether any robot touched an obstacle before the episode was done.
         touched_robot: whether any two robots touched each other before the episode was done.
         plan_seconds: wall time of single plans from a belief on, one episode and one agent at a time.
-        present: who takes part at each time; None for everybody all the time.
+        present: which robots take part at each time; None for all robots all the time.
         touched_person: whether any robot drove into a person before the episode was done; None for never.
     """
 

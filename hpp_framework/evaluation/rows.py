@@ -22,7 +22,7 @@ class EpisodeRow:
     ``bound_s`` is from :func:`~hpp_framework.evaluation.task_bounds.task_bounds`, ``rpl`` is success times
     bound over time; ``goal_gap_m``, ``agreement_s``, ``side_flips`` and ``chase`` are from
     :class:`~hpp_framework.evaluation.coordination.Coordination`; ``touched_person`` is missing in tables of
-    earlier versions, where nobody walked.
+    earlier versions, where no people walked.
     """
 
     world: str
@@ -50,7 +50,7 @@ class EpisodeRow:
 def to_rows(
     world: str, planner: str, numbers: Sequence[int], episodes: Episodes, bounds: Float[np.ndarray, "b"]
 ) -> list[EpisodeRow]:
-    """Return one row an episode.
+    """Return one row per episode.
 
     Args:
         world: as the user named it.

@@ -1,4 +1,4 @@
-"""What an experiment's episodes say: a row a cell, comparisons of planners, and where success was lost."""
+"""Summary of an experiment's episodes: one row per cell, comparisons of planners, causes of failure."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Results:
     Attributes:
         worlds: in the order of the report.
         planners: in the order of the report; the first is compared with the others.
-        rows: one an episode, the same episodes for every planner.
+        rows: one per episode, the same episodes for every planner.
         about: what every cell says of itself: team, backend, seed.
         preset: of planners that name none.
     """

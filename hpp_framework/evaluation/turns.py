@@ -1,4 +1,4 @@
-"""Least times in which teams can succeed, whoever takes part."""
+"""Least times in which teams can succeed, whichever robots take part."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from hpp_framework.evaluation.task_bounds import task_bounds
 def least_times(
     worlds: Sequence[World], starts: Float[np.ndarray, "b n 3"], team: Team, schedule: Schedule
 ) -> Float[np.ndarray, "b"]:
-    """Return times in seconds that no team beats, whoever takes part at the end.
+    """Return times in seconds that no team beats, whichever robots take part at the end.
 
     See :func:`~hpp_framework.evaluation.task_bounds.task_bounds`. A robot that joins late could have used
     that time, as far as this bound knows, so it is loose for those.
 
     Args:
-        worlds: one an episode.
+        worlds: one per episode.
         starts: start poses, at rest.
         team: all robots.
         schedule: who takes part when.

@@ -43,9 +43,9 @@ def _lines(onboarding: Onboarding, card: dict[str, Any]) -> Iterator[str]:
     yield f"\nSkill `{onboarding.skill}`, motion models `{onboarding.predictor}`, seed {onboarding.seed}."
     scale = onboarding.scale
     yield (
-        f"\nTrained by {scale.skill_steps:,} control steps a skill ({scale.further_steps:,} where another's "
-        f"weights are a start) and {scale.predictor_steps:,} gradient steps a model, on "
-        f"{scale.trajectories:,} trajectories a pair."
+        f"\nTrained by {scale.skill_steps:,} control steps per skill ({scale.further_steps:,} where "
+        f"another's weights are a start) and {scale.predictor_steps:,} gradient steps per model, on "
+        f"{scale.trajectories:,} trajectories per pair."
     )
     if scale.predictor_steps < SERIOUS:
         yield "\nA trial of the stages: the models have learnt next to nothing, and numbers say little."

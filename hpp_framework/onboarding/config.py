@@ -16,7 +16,7 @@ from hpp_framework.utils.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class Onboarding:
-    """A robot or a skill that teams shall get to know.
+    """A robot or a skill that teams are to work with.
 
     Attributes:
         newcomer: registered robot or skill.
@@ -45,7 +45,7 @@ class Onboarding:
 
     @property
     def robots(self) -> tuple[str, ...]:
-        """Everybody that drives, the newcomer first."""
+        """All robots that drive, the newcomer first."""
         return tuple(dict.fromkeys((self.newcomer, *self.teammates))) if self.is_robot else self.teammates
 
     def pairs(self) -> Iterator[tuple[str, str]]:
@@ -90,7 +90,7 @@ def make_onboarding(
         # says which names there are
         hub().robots.entry(newcomer)
     if not robot and not teammates:
-        raise ConfigError(f"name the robots that skill '{newcomer}' shall drive, e.g. --with fetch,freight.")
+        raise ConfigError(f"name the robots that skill '{newcomer}' must drive, e.g. --with fetch,freight.")
     for name in teammates:
         hub().robots.entry(name)
     onboarding = Onboarding(

@@ -18,7 +18,7 @@ class Scale:
         trajectories: that each pair of robots drives.
         trajectory_steps: control steps of each.
         chunk: trajectories that are simulated and held out together.
-        predictor_steps: gradient steps a model.
+        predictor_steps: gradient steps per model.
         batch: samples a gradient step.
         navigation_tasks: navigation tasks per world that each skill is judged by.
         asked: trajectories that predictors are judged by.

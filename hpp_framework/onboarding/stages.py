@@ -171,7 +171,7 @@ def _collection(onboarding: Onboarding, out: Path, pair: tuple[str, str], worker
 
 
 def _models(onboarding: Onboarding, out: Path, workers: int) -> Iterator[Stage]:
-    """Give one stage that trains all models that nobody has yet, side by side."""
+    """Give one stage that trains all models that are missing, side by side."""
     if onboarding.predictor not in hub().predictor_trainers:
         return
     missing: dict[str, PredictorTraining] = {}

@@ -21,7 +21,7 @@ from hpp_framework.utils.kernels import vectors, wp
 
 RESOLUTION = 0.25
 CELLS = 56
-"""Metres a cell and cells a side: 14 m around the team's middle."""
+"""Metres per cell and cells per side: 14 m around the team's middle."""
 COMFORT = 0.3
 """Gap to obstacles in metres from which a metre of way counts once, as where the skills practise."""
 BLOCKED = 20.0
@@ -78,7 +78,7 @@ def build_local_map(
     Args:
         lidar: of the agent.
         agent: index of the agent in the team.
-        team_poses: everybody's present poses, world frame.
+        team_poses: present poses of all robots, world frame.
         scan: the agent's present scan, metres.
         keyframes: what it remembers, None for nothing.
         subjects: positions from which paths begin, world frame, metres.

@@ -44,7 +44,7 @@ def mark(
         farthest: range in metres from which a beam hit nothing.
         body: distance in metres from a robot's middle within which points are on it.
         origins: corner of each local map, world frame.
-        resolution: metres a cell.
+        resolution: metres per cell.
         seen: (episode, row, column): sums of x and y in cells, and count; in and out.
     """
     episode = wp.tid()

@@ -38,7 +38,7 @@ class Sensing:
         disturbances: the same for all, or one for each robot.
         estimators: one for each agent; None takes what was sensed last as it is.
         history: entries that observations hold; fewer cost less.
-        keyframes: that observations hold, one a second; 0 for none.
+        keyframes: that observations hold, one per second; 0 for none.
     """
 
     def __init__(
@@ -220,7 +220,7 @@ def viewpoints(
     """Return what an agent remembers and what it sees now, as one.
 
     Args:
-        team_poses: everybody's present poses.
+        team_poses: present poses of all robots.
         scan: its present scan.
         earlier: its keyframes, None for nothing.
     """

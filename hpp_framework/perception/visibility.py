@@ -26,21 +26,21 @@ GAP = 0.04
 
 def in_the_way(
     pose: Float[Tensor, "b 3"],
-    spot: Float[Tensor, "b 2"],
+    end: Float[Tensor, "b 2"],
     points: Float[Tensor, "b q 2"],
     still: Bool[Tensor, "b q"],
     radius: float,
 ) -> Bool[Tensor, "b"]:
-    """Return whether points that stand still are in the way from a pose straight to a spot.
+    """Return whether points that stand still are in the way from a pose straight to a place.
 
     Args:
         pose: where the way begins, world frame.
-        spot: where it ends, world frame, metres.
+        end: where it ends, world frame, metres.
         points: that were seen, world frame, metres.
         still: which of them lie on things that stand still.
         radius: of who drives, metres.
     """
-    distance, bearing = polar(pose, spot).unbind(-1)
+    distance, bearing = polar(pose, end).unbind(-1)
     towards = torch.cat([pose[:, :2], (pose[:, 2] + bearing)[:, None]], -1)
     ahead, aside = to_frame(towards[:, None], points).unbind(-1)
     reach = radius + GAP

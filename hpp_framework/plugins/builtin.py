@@ -57,9 +57,9 @@ PLANNERS: Table = (
         "baselines.geodesic:geodesic_midpoint",
         "where the last robot arrives soonest (by=speed)",
     ),
-    ("centralized-mp", "baselines.centralized:midpoint", "everybody to the midpoint"),
-    ("centralized-oa", "baselines.centralized:other", "everybody to another agent"),
-    ("centralized-rp", "baselines.centralized:random_point", "everybody to one random point"),
+    ("centralized-mp", "baselines.centralized:midpoint", "all robots to the midpoint"),
+    ("centralized-oa", "baselines.centralized:other", "each robot to another one"),
+    ("centralized-rp", "baselines.centralized:random_point", "all robots to one random point"),
     ("rrt-mp", "baselines.rrt_planner:midpoint", "an RRT path to the midpoint (presets: paper, best)"),
     ("rrt-oa", "baselines.rrt_planner:other", "an RRT path to another agent (presets: paper, best)"),
     (
@@ -123,8 +123,8 @@ PREDICTORS: Table = (
         "the paper's ablation: next pose seen from the agent, and next scan",
     ),
     ("far-sighted", "far_sighted", "positions 1 to 15 s ahead, along paths through what was seen"),
-    ("constant-velocity", "constant_velocity", "everybody goes on as now; needs no weights"),
-    ("empty-world", "empty_world", "everybody's own skill with nothing in the way; needs no weights"),
+    ("constant-velocity", "constant_velocity", "all robots go on as now; needs no weights"),
+    ("empty-world", "empty_world", "each robot's own skill without obstacles; needs no weights"),
 )
 LEARNED = ("delta-pose-lidar", "pose-lidar", "delta-general-pose-lidar", "far-sighted")
 """Predictors that are trained."""

@@ -213,7 +213,7 @@ def _registry(kind: str) -> Any:
 
 @dataclass(frozen=True)
 class Hub:
-    """All registries, one a noun of the design.
+    """All registries, one per noun of the design.
 
     Factories and their signatures:
 

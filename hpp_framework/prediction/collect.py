@@ -44,7 +44,7 @@ class Collection:
 
     Attributes:
         trajectories: how many, rounded up to whole chunks (50,000 in the paper).
-        steps: control steps a trajectory (100 in the paper).
+        steps: control steps per trajectory (100 in the paper).
         chunk: trajectories a chunk, simulated side by side.
         worlds: different worlds a chunk.
         world: registered world they are drawn from, or a world file, which makes all of them equal.
@@ -171,8 +171,8 @@ class Moment:
     Attributes:
         step: control steps done.
         state: the simulator's own memory, which the next step overwrites.
-        observations: one a robot; their velocities are the simulator's memory too.
-        goals: everybody's, world coordinates.
+        observations: one per robot; their velocities are the simulator's memory too.
+        goals: of all robots, world coordinates.
         world: index of each episode's world.
     """
 
@@ -213,9 +213,9 @@ def drive(
     goals = _goals(pool, world, starts, config, rng)
     simulator = BatchSimulator(team.robots, threads=1)
     simulator.load(pool.worlds, episodes=config.chunk)
-    everyone = torch.ones(config.chunk, len(team), dtype=torch.bool)
+    whole_team = torch.ones(config.chunk, len(team), dtype=torch.bool)
     index = torch.from_numpy(world)
-    state = simulator.place(index.to(torch.int32), everyone, starts)
+    state = simulator.place(index.to(torch.int32), whole_team, starts)
     batch = EpisodeBatch(
         simulator, disturbances=disturbances, estimators=estimators, keyframes=keyframes, shared=True
     )

@@ -1,4 +1,4 @@
-"""The simplest motion model: everybody goes on as now, whatever the goal."""
+"""The simplest motion model: all robots go on as now, whatever the goal."""
 
 from __future__ import annotations
 

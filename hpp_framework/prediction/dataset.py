@@ -34,7 +34,7 @@ class Batch:
 
     Attributes:
         agent_poses: of the predicting robot.
-        team_poses: everybody's present poses.
+        team_poses: present poses of all robots.
         subject_poses: of the predicted robot.
         scans: of the predicting robot, metres, the newest ``s``.
         goals: common goal, world coordinates.

@@ -23,15 +23,15 @@ from hpp_framework.plugins.build import make_skills
 from hpp_framework.sim.batch.simulator import BatchSimulator
 
 STEPS = 5
-"""Control steps a prediction step: one second."""
+"""Control steps per prediction step: one second."""
 EMPTY = World(name="empty", bounds=(-1e3, -1e3, 1e3, 1e3), walled=False)
 
 
 class EmptyWorld(Predictor):
-    """Drives everybody's own skill in the batch simulator, each robot by itself; a step is one second.
+    """Drives each robot's own skill in the batch simulator, each robot by itself; a step is one second.
 
     Args:
-        team: everybody, with robots and skills.
+        team: all robots, with their skills.
     """
 
     def __init__(self, team: Team) -> None:
@@ -76,8 +76,8 @@ class _Driver:
             self._episodes = len(poses)
             self._simulator.load((EMPTY,), episodes=self._episodes)
         index = torch.zeros(self._episodes, dtype=torch.int32)
-        everyone = torch.ones(self._episodes, 1, dtype=torch.bool)
-        state = self._simulator.place(index, everyone, poses[:, None], velocities[:, None])
+        alone = torch.ones(self._episodes, 1, dtype=torch.bool)
+        state = self._simulator.place(index, alone, poses[:, None], velocities[:, None])
         batch = EpisodeBatch(self._simulator, keyframes=0, shared=True)
         batch.start(state, range(self._episodes))
         out = poses.new_empty(self._episodes, horizon, 3)

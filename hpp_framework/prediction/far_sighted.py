@@ -171,7 +171,7 @@ class FarSighted(Predictor):
     """Imagines every robot of the team second by second.
 
     Args:
-        models: one a robot, in team order; that of the agent is its self-predictor.
+        models: one per robot, in team order; that of the agent is its self-predictor.
         robots: the team.
     """
 
@@ -200,11 +200,11 @@ class FarSighted(Predictor):
             self.models[0].lidar, observation.agent, team, observation.scan, observation.keyframes,
             team[..., :2], self.radii,
         )  # fmt: skip
-        own, everybody = observation.poses[:, :, observation.agent], observation.poses.transpose(1, 2)
+        own, team = observation.poses[:, :, observation.agent], observation.poses.transpose(1, 2)
 
         @torch.no_grad()
         def imagine(goals: Float[Tensor, "b g 2"]) -> Trajectories:
-            features, steady, heading = describe(local_map, own, everybody, goals)
+            features, steady, heading = describe(local_map, own, team, goals)
             guesses = [
                 in_blocks(model, observation.scan, features[:, i], steady[:, i], heading[:, i], rows=1)
                 for i, model in enumerate(self.models)

@@ -43,7 +43,7 @@ def model_pairs(
     """Return the models of a team: file name to (agent, subject); robots that are alike share theirs.
 
     Args:
-        team: everybody.
+        team: all robots.
         agent: only models of this robot.
         subject: only models that predict this robot.
 
@@ -120,7 +120,7 @@ def load_models(
         build: makes the empty network for the predicting agent's robot.
 
     Returns:
-        One network a robot, in team order.
+        One network per robot, in team order.
 
     Raises:
         ConfigError: if a folder of the request does not exist or has no weights of this kind.

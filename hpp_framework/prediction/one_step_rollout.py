@@ -34,7 +34,7 @@ class OneStep(Predictor):
 
     Args:
         form: of all models.
-        models: one a robot, in team order; that of the agent is its self-predictor.
+        models: one per robot, in team order; that of the agent is its self-predictor.
         agent: index of the predicting agent.
     """
 

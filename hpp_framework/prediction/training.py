@@ -225,7 +225,7 @@ class _Batches:
 
 @torch.no_grad()
 def _validate(model: nn.Module, batches: _Batches) -> dict[str, float]:
-    """Return the mean errors on held-out worlds, the same batches for everybody."""
+    """Return the mean errors on held-out worlds, the same batches for all models."""
     rows = [batches.recipe.errors(model, batch) for batch in batches.validation()]
     with warnings.catch_warnings():
         # a horizon that no sample of tiny batches reaches is NaN

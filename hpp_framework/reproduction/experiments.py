@@ -121,7 +121,7 @@ class Scale:
 
     Attributes:
         episodes: a cell of the main comparison.
-        ablation: episodes a cell of everything else.
+        ablation: episodes per cell of everything else.
         trajectories: a world, on which motion models are asked.
         worlds: the first so many of each experiment's worlds.
         arms: the first so many planners of each ablation.

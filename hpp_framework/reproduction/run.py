@@ -1,7 +1,6 @@
 """Runs the experiments of a reproduction side by side.
 
-Every experiment resumes by itself and comes out the same however often it was interrupted, and whoever else
-ran beside it; so does the whole.
+Every experiment resumes by itself. Its results do not depend on interruptions, nor on what runs beside it.
 """
 
 from __future__ import annotations

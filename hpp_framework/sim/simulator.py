@@ -25,7 +25,7 @@ from hpp_framework.core.world import World
 from hpp_framework.utils.errors import SimulatorError
 
 SUBSTEPS = 4
-"""Times a control period at which both simulators update speeds and let contact take its share of them."""
+"""Substeps per control period, at which both simulators update speeds and resolve contact."""
 
 
 # not typing.Self, which beartype takes only on whole classes
@@ -47,7 +47,7 @@ class Simulator(ABC):
 
     @abstractmethod
     def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
-        """Start one episode a world, robots at rest at the given poses."""
+        """Start one episode per world, robots at rest at the given poses."""
 
     @abstractmethod
     def step(self, commands: Float[Tensor, "b n *p 2"]) -> State:

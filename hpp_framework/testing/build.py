@@ -15,7 +15,7 @@ from hpp_framework.utils.errors import CheckpointError, ConfigError, PluginError
 
 IMPORT = Rule(
     name="import",
-    why="the name is listed, but whoever uses it gets an error.",
+    why="the name is listed, but every use of it ends in an error.",
     fix='a source "package.module:factory" that exists: hub.KIND.add("name", "my_package.module:factory").',
 )
 SIGNATURE = Rule(
@@ -25,7 +25,7 @@ SIGNATURE = Rule(
 )
 BUILD = Rule(
     name="build",
-    why="whoever names it, on the command line or in a team file, gets this error and no run.",
+    why="a command line or team file that names it gets this error and no run.",
     fix="a factory that works for every input it is meant for and raises ConfigError with a remedy for "
     "others.",
 )

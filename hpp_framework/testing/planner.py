@@ -53,7 +53,7 @@ BELIEF = Rule(
 )
 OUTSIDE = Rule(
     name="goal-outside",
-    why="nobody gets there: goals are world coordinates in metres, not in a robot's frame, not in pixels.",
+    why="no robot gets there: goals are world coordinates in metres, not in a robot's frame, not in pixels.",
     fix="goals within context.bounds (x_min, y_min, x_max, y_max): geometry.to_world for goals in a "
     "robot's frame, "
     "and clamp.",

@@ -18,7 +18,7 @@ SHAPE = Rule(
     name="shape",
     why="all episodes run side by side in one tensor; a wrong shape broadcasts into wrong numbers or "
     "an error.",
-    fix="an answer with one row an episode, in the shape named above; keep leading dimensions as they come.",
+    fix="an answer with one row per episode, in the shape named above; keep leading dimensions as they come.",
 )
 DTYPE = Rule(
     name="dtype",
@@ -36,7 +36,7 @@ NOT_FINITE = Rule(
 )
 MUTATES = Rule(
     name="mutates-input",
-    why="others hold the same tensors (histories, other agents); what you change there, everybody sees.",
+    why="others hold the same tensors (histories, other agents); all of them see what you change there.",
     fix="out-of-place operations (x = x + 1, not x += 1 or x.add_(1)), or x = x.clone() first.",
 )
 SHARES = Rule(

@@ -24,7 +24,7 @@ from hpp_framework.utils.seeding import torch_rng
 
 EPISODES = 4
 WARM_UP = 6
-"""Control steps driven before anybody is asked anything: histories are full then, and robots move."""
+"""Control steps driven before the checks begin: histories are full then, and robots move."""
 ROBOTS, SKILL = tuple(DEFAULT_TEAM.split(",")), DEFAULT_SKILL
 """The team and the skill of commands, taken where a plugin brings none that fit."""
 
@@ -34,7 +34,7 @@ class Scene:
     """What a team observes in a few episodes.
 
     Attributes:
-        team: everybody.
+        team: all robots.
         world: of every episode.
         starts: of every episode.
         observations: of every robot, a moment later.
@@ -62,7 +62,7 @@ def make_scene(team: Team, *, episodes: int = EPISODES, seed: int = 0) -> Scene:
     """Let a team drive for a moment, every robot differently, and return what it observes.
 
     Args:
-        team: everybody.
+        team: all robots.
         episodes: how many, each with other starts.
         seed: of starts and commands.
     """

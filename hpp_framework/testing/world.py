@@ -50,7 +50,7 @@ ROOM = Rule(
 )
 TOUCHES = Rule(
     name="start-touches",
-    why="an episode begins with a collision that nobody could have prevented.",
+    why="an episode begins with a collision that no robot could have prevented.",
     fix="starts with a clearance; obstacles whose base and height say truly what robots drive under.",
 )
 RULES = (SEEDED, WORLD_NAME, BOUNDS, LOW, ROOM, TOUCHES)

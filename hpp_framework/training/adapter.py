@@ -47,7 +47,7 @@ class Sb3Adapter(VecEnv):
         self._actions = np.asarray(self._middle + self._half * np.clip(actions, -1, 1), np.float32)
 
     def step_wait(self) -> Any:
-        """Step everybody and keep count of successes."""
+        """Step all robots and keep count of successes."""
         observation, reward, over, truncated, info = self.env.step(self._actions)
         done = over | truncated
         if done.any():

@@ -13,7 +13,7 @@ PICTURE = "learning_curve.png"
 
 
 def draw_learning_curve(out: Path) -> Path:
-    """Draw success, touching and the share of worlds practised in over the steps of a training.
+    """Draw success, touching and the share of worlds in use over the steps of a training.
 
     Args:
         out: folder of the training; its ``curve.jsonl`` is read.

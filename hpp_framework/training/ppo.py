@@ -159,7 +159,7 @@ class _Progress(BaseCallback):
             "seconds": round(perf_counter() - self._began, 4),
         }
         for name in ("success", "touch_share", "worlds"):
-            self.logger.record(f"practice/{name}", row[name])
+            self.logger.record(f"training/{name}", row[name])
         curve = self.out / CURVE
         try:
             with curve.open("a") as stream:
@@ -197,7 +197,7 @@ def train_ppo(
         steps: control steps in all.
         seed: of network, worlds and noise; 0 to 2**32 - 1.
         config: hyper-parameters.
-        share: part of the pool's worlds, the easiest, to practise in when a part of the training is done.
+        share: part of the pool's worlds, the easiest, that training uses when a part of it is done.
         initial: called with the fresh model to load weights to start from.
         run: further options (JSON-compatible) that a snapshot must share to be resumed from.
 

@@ -17,7 +17,7 @@ def train_predictors(
 
     Args:
         kind: registered predictor.
-        trainings: one a model.
+        trainings: one per model.
         workers: trained side by side, one thread each.
     """
     yield from run_tasks(_train, [(kind, training) for training in trainings], workers=workers)

@@ -254,7 +254,7 @@ class RunFolder:
         try:
             yield
         finally:
-            # removed before it is unlocked: nobody else can have locked it
+            # removed before it is unlocked: no other process can have locked it
             (self.path / LOCK).unlink(missing_ok=True)
             lock.close()
             for each in missing:

@@ -11,7 +11,7 @@ from hpp_framework.utils.executor import available_cores
 Job = Callable[[], object]
 
 SHARES = 4
-"""Slices a thread: a thread that the machine holds up leaves some of its own to the others."""
+"""Slices per thread: a thread that the machine holds up leaves some of its own to the others."""
 FEWEST = 32
 """Episodes a slice, at least: handing one over takes about as long as ten episodes."""
 
@@ -20,7 +20,7 @@ class ThreadPool:
     """Runs lists of jobs on several threads; the jobs must release Python's lock, as Warp's launches do.
 
     Args:
-        threads: how many, or None for one a core that this process may use.
+        threads: how many, or None for one per core that this process may use.
     """
 
     def __init__(self, threads: int | None = None) -> None:

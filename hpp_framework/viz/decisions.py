@@ -37,7 +37,7 @@ class Decision:
         moved: distance from the goal before, metres; 0 for the first.
         why: a sentence.
         top: the best candidates, best first.
-        errors: distance of everybody's true position from the imagined one at each of :data:`HORIZONS`,
+        errors: distance of each robot's true position from the imagined one at each of :data:`HORIZONS`,
             metres; NaN beyond what was imagined or happened, and where nothing was imagined.
         disagreement: largest distance between the agents' goals after this step's plans, metres.
     """
@@ -71,11 +71,11 @@ def goal_disagreement(record: EpisodeRecord, step: int) -> float:
 
 
 def imagined(plan: Plan, start: Float[Floats, "n 2"]) -> tuple[Floats, Floats] | None:
-    """Return times (t + 1,) and everybody's imagined positions (t + 1, n, 2) for the chosen goal.
+    """Return times (t + 1,) and the team's imagined positions (t + 1, n, 2) for the chosen goal.
 
     Args:
         plan: of one agent.
-        start: where the agent saw everybody when it planned.
+        start: where the agent saw the team when it planned.
 
     Returns:
         The way from ``start`` on, or None where nothing was imagined.

@@ -1,4 +1,4 @@
-"""One robot's own view: what it saw, which goals it weighed, and what it imagined everybody would do."""
+"""One robot's own view: what it saw, which goals it weighed, and how it imagined the team's motion."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class EgoView:
 
         Args:
             still: of this step.
-            seen: (n, 3) everybody's poses.
+            seen: (n, 3) poses of the team.
             step: control step.
         """
         image = still.copy()

@@ -34,7 +34,7 @@ Poses = npt.NDArray[np.floating]
 
 
 Camera = Callable[[Poses, Poses, Poses | None, float], Frame]
-"""Draws the true world at poses (n, 3) with everybody's goals (n, 2), people (p, 4) and a time in seconds."""
+"""Draws the true world at poses (n, 3) with all goals (n, 2), people (p, 4) and a time in seconds."""
 
 CameraMaker = Callable[[tuple[int, int]], Camera | None]
 """Makes a camera for pictures of (width, height), or none if there is no way to draw in 3-D."""
@@ -116,11 +116,11 @@ class _Film:
         )  # fmt: skip
 
     def _spare(self, poses: Poses, step: int, share: float, like: Frame) -> Frame:
-        """Draw everybody from above where a view is left over."""
+        """Draw the team from above where a panel is free."""
         if self.above is None:
             return np.full_like(like, 255)
         image = self._above(self.above, poses, step, share)
-        return np.vstack([strip(image.shape[1], ["everybody", "true places, and all goals"]), image])
+        return np.vstack([strip(image.shape[1], ["team", "true poses and all goals"]), image])
 
     def _shared_lines(self, poses: Poses, step: int, share: float) -> list[str]:
         about, seconds = self.record.about, (step + share) * self.record.period

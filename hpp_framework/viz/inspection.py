@@ -38,7 +38,7 @@ def picture_name(number: int) -> str:
 
 
 def errors_text(record: EpisodeRecord, decision: Decision, horizon: int) -> str:
-    """Return everybody's prediction errors at one of ``HORIZONS``, own first, in metres; a dash for none."""
+    """Return all robots' prediction errors at one of ``HORIZONS``, own first, in metres; a dash for none."""
     others = [i for i in range(len(record.agents)) if i != decision.agent]
     errors = [decision.errors[horizon, i] for i in (decision.agent, *others)]
     return " / ".join("-" if np.isnan(error) else f"{error:.2f}" for error in errors)

@@ -87,7 +87,7 @@ def draw_scans(
         poses: (n, 3) of the robots.
         scans: own ranges (k,) of each robot, metres.
         robots: whose lidars they are.
-        colors: one a robot.
+        colors: one per robot.
     """
     fans = image.copy()
     dots: list[tuple[npt.NDArray[np.int32], Color]] = []

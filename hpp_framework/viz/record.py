@@ -34,7 +34,7 @@ class Plan:
         std: of the belief over goals, metres, an axis each.
         candidates: goals that were weighed.
         scores: of the candidates; higher is better.
-        paths: imagined positions of everybody for each candidate, metres.
+        paths: imagined positions of all robots for each candidate, metres.
         times: of the imagined positions, seconds ahead of the plan.
     """
 
@@ -69,7 +69,7 @@ class AgentRecord:
     Attributes:
         id: in the team.
         robot: its data, without a body.
-        seen: everybody's poses as the agent observed them.
+        seen: poses of all robots as the agent observed them.
         scans: own lidar, metres.
         goals: of the skill.
         resting: whether the agent commanded no motion.
@@ -96,11 +96,11 @@ class EpisodeRecord:
     Attributes:
         about: plain data: what it was (world, planner, preset, team, backend, seed, episode, config), and how
             it ended.
-        period: seconds a control step.
+        period: seconds per control step.
         ground: the world from above.
         poses: true poses, the start first.
         agents: in team order.
-        people: x, y, heading and radius of everyone who walked around; None for nobody.
+        people: x, y, heading and radius of all people who walked around; None without people.
         moving: outlines of moving obstacles, metres; None for none.
     """
 

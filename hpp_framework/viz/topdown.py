@@ -69,7 +69,7 @@ class TopDown:
         self._background = paint_plan(self.canvas, world, faint=faint)
 
     def empty(self) -> Image:
-        """Return the world without anybody in it, to draw on: (height, width, 3) RGB."""
+        """Return the empty world, to draw on: (height, width, 3) RGB."""
         return self._background.copy()
 
     def frame(
@@ -90,7 +90,7 @@ class TopDown:
             poses: (n, 3) of the team, world frame.
             scans: own ranges (k,) of each robot, metres.
             goals: (n, 2) each agent's goal, world frame; NaN for none.
-            trails: (t, n, 2 or 3) where everybody has been, oldest first.
+            trails: (t, n, 2 or 3) where all robots have been, oldest first.
             people: (p, 4) x, y, heading and radius of people, NaN for none.
             moving: (m, k, 2) outlines of moving obstacles.
             clock: simulated time in seconds.

@@ -27,7 +27,7 @@ def write_video(file: Path, frames: Iterable[Frame], fps: float) -> Path:
     Args:
         file: the video; its folder is made if need be.
         frames: (height, width, 3) RGB, all of one size; odd sizes are padded by one row or column.
-        fps: frames a second.
+        fps: frames per second.
 
     Returns:
         The file.

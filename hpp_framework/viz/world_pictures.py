@@ -77,7 +77,7 @@ def draw_rooms(out: Path, names: Sequence[str] = SCANS, *, size: tuple[int, int]
         SimulatorError: if SAPIEN cannot draw on this machine.
         HppError: if the file cannot be written.
     """
-    # SAPIEN is slow to load, and not everybody has it draw
+    # SAPIEN is slow to load, and not every picture needs it
     from hpp_framework.sim.sapien.camera import SceneCamera, View
 
     robots = [hub().robots.create(name) for name in TEAM]

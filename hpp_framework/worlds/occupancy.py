@@ -25,7 +25,7 @@ class FreeSpace:
         distance: (rows, columns) metres from a cell's centre to the nearest obstacle or bound; row 0 is
             at y_min.
         origin: (x, y) of the corner of cell (0, 0).
-        resolution: metres a cell.
+        resolution: metres per cell.
     """
 
     distance: npt.NDArray[np.float32]
@@ -97,7 +97,7 @@ def free_space(world: World, *, body_height: float, resolution: float = RESOLUTI
     Args:
         world: the world.
         body_height: obstacles that begin above this are ignored, metres.
-        resolution: metres a cell.
+        resolution: metres per cell.
     """
     return _free_space(world.at_rest(), body_height, resolution)
 

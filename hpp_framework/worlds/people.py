@@ -59,7 +59,7 @@ def populate(
     """Return the world with people of whom nothing is left to chance.
 
     Args:
-        world: the world; it comes back as it is if nobody in it is open.
+        world: the world; it comes back as it is if no person in it is open.
         robots: the team; people start 1 m away from it.
         starts: (n, 2) or (n, 3) poses of the robots; (0, 2) if they are unknown.
         rng: source of randomness.

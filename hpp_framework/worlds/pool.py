@@ -61,7 +61,7 @@ def build_pool(
     return _pool(name, [factory] * size, robots, seed, clearance)[0]
 
 
-def build_practice_pool(
+def build_training_pool(
     name: str,
     size: int,
     robots: Sequence[RobotSpec],
@@ -111,9 +111,9 @@ def draw_starts(
     Args:
         pool: worlds and points.
         world: of each episode, as an index into the pool.
-        count: robots a team.
+        count: robots per team.
         distance: nearest neighbour at least and first robot at most, in metres; where no point suits, the one
-            farthest from everybody is taken.
+            farthest from all others is taken.
         rng: source of randomness.
     """
     points = pool.points[world]
@@ -124,7 +124,7 @@ def draw_starts(
         candidates = points[rows[:, None], rng.integers(points.shape[1], size=(len(world), 64))]
         gaps = np.linalg.norm(candidates[:, :, None] - np.stack(chosen, 1)[:, None], axis=-1)
         suitable = (gaps.min(-1) >= low) & (gaps[:, :, 0] <= high)
-        # where no candidate suits, the one farthest from everybody
+        # where no candidate suits, the one farthest from all others
         fallback = gaps.min(-1).argmax(1)
         first = np.where(suitable.any(1), suitable.argmax(1), fallback)
         chosen.append(candidates[rows, first])

@@ -26,7 +26,7 @@ def spawn_poses(
     """Draw start poses (n, 3) by the world's spawn rule: free, mutually reachable, headings random.
 
     Robots start on a ring. That of three and more grows where it does not fit: many robots around a wall
-    cannot all be as near it as two. A world with fixed starts gives those, one a robot in team order.
+    cannot all be as near it as two. A world with fixed starts gives those, one per robot in team order.
 
     Args:
         world: the world.
@@ -61,7 +61,7 @@ def check_spawn(world: World, robots: Sequence[RobotSpec]) -> None:
 
     Args:
         world: the world.
-        robots: the team, or nobody to check the starts as points.
+        robots: the team, or none to check the starts as points.
 
     Raises:
         ConfigError: if starts are too few, overlap, or lie in or too near an obstacle or outside the bounds.
@@ -106,7 +106,7 @@ def _ring(world: World, count: int, radius: float, rng: np.random.Generator) -> 
     if world.spawn.axis is not None:
         axis = world.spawn.axis + rng.uniform(-1, 1) * world.spawn.axis_spread
         if count % 4 == 0:
-            # nobody starts across the axis, where a world has what two robots are to be on either side of
+            # no robot starts across the axis, where a world has what two robots are to be on either side of
             axis += math.pi / count
     angles = axis + 2 * math.pi * np.arange(count) / count
     return center + radius * np.stack([np.cos(angles), np.sin(angles)], -1)

@@ -1,4 +1,4 @@
-"""Dispersion: everybody far from everybody, at rest."""
+"""Dispersion: all robots far from each other, at rest."""
 
 from __future__ import annotations
 

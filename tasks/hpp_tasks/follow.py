@@ -1,4 +1,4 @@
-"""Follow: everybody keeps at a distance from a leader, who goes where it likes."""
+"""Follow: all robots keep at a distance from a leader, which goes where its planner leads it."""
 
 from __future__ import annotations
 

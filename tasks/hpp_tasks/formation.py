@@ -1,4 +1,4 @@
-"""Formation: everybody in its place of a shape, at rest, wherever the shape is."""
+"""Formation: each robot in its place of a shape, at rest, wherever the shape is."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ def register(hub: Hub) -> None:
         ("formation", "a line, ring or shape of one's own, anywhere, at rest"),
         ("region", "meet at a given place"),
         ("handover", "two robots face to face, within arm's reach"),
-        ("dispersion", "everybody far from everybody"),
+        ("dispersion", "all robots far from each other"),
         ("follow", "keep at a distance from a leader who goes where it likes"),
         ("pursuit", "stay near a stranger who goes where it likes"),
     ):

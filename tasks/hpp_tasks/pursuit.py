@@ -1,4 +1,4 @@
-"""Pursuit: somebody stays near a stranger, who goes where it likes."""
+"""Pursuit: a robot stays near a stranger, which moves as its planner says."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Region: everybody at a given place, at rest, for instance in a door."""
+"""Region: all robots at a given place, at rest, for instance in a door."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rendezvous: everybody within a distance of everybody's centre, at rest."""
+"""Rendezvous: all robots within a distance of the team's centre, at rest."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from torch import Tensor
 
 from hpp_framework.core.robot import RobotSpec
 from hpp_framework.core.task import Task, Terminal, any_heading, relative_speed
-from hpp_tasks.parking import spots
+from hpp_tasks.target_slots import target_slots
 
 MARGIN = 0.25
 """Metres between touching discs in a ring and a rendezvous."""
 
 SPARE = 0.17
-"""Metres by which spots lie within the radius of a rendezvous of three and more."""
+"""Metres by which targets lie within the radius of a rendezvous of three and more."""
 
 APART = 0.09
-"""Metres from footprint to footprint on neighbouring spots."""
+"""Metres from footprint to footprint on neighbouring targets."""
 
 NEARLY = 2.0
 """Metres beyond the radius within which robots of three and more have nearly gathered."""
 
 NEARLY_OF_TWO = 1.0
-"""The same of two: the middle says little about the way there while they are far apart."""
+"""The same of two: while they are far apart, their middle says little about the path to it."""
 
 CLEAR = 0.1
 """Metres that the middle of a gathering is kept from things that stand still, beyond the radius."""
@@ -68,12 +68,12 @@ class Rendezvous(Task):
     def targets(
         self, goals: Float[Tensor, "*#b 2"], poses: Float[Tensor, "*#b n 3"]
     ) -> Float[Tensor, "*c n 3"] | None:
-        """Return a spot around the goal for each robot of three and more; two on one path meet anyway."""
+        """Return a target around the goal for each robot of three and more; two on one path meet anyway."""
         count = poses.shape[-2]
         if count < 3:
             return None
         width = 2 * (self.radius - MARGIN) * math.sin(math.pi / count)
-        return any_heading(spots(goals, poses, self.radius - SPARE, width + APART))
+        return any_heading(target_slots(goals, poses, self.radius - SPARE, width + APART))
 
     def terminal(self, poses: Float[Tensor, "b n 3"]) -> Terminal | None:
         """Return the middles of teams that have nearly gathered."""

@@ -42,7 +42,7 @@ def test_stable_baselines(make, name):
     env = make(name, render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # advice, not a fault: a row a robot is easier to read, and Stable-Baselines3 flattens it itself
+        # advice, not a fault: one row per robot is easier to read, and Stable-Baselines3 flattens it itself
         warnings.filterwarnings("ignore", message=SHAPE_ADVICE)
         check_env_sb3(env.unwrapped, skip_render_check=False)
     env.close()

@@ -68,7 +68,7 @@ def test_noise_disturbs_what_is_seen_but_not_what_happens():
         assert noisy.observation_space(agent).contains(disturbed[agent])
         assert not np.allclose(clear[agent]["scan"], disturbed[agent]["scan"])
         assert not np.allclose(clear[agent]["poses"], disturbed[agent]["poses"])
-    # a robot errs the same whoever hears of it
+    # a robot's error is the same for all that receive it
     assert np.allclose(disturbed["fetch"]["poses"], disturbed["freight"]["poses"])
 
 

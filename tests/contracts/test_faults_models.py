@@ -34,7 +34,7 @@ def replace(thing, **changes):
 
 
 class Straight(Predictor):
-    """Everybody heads straight for the goal at half a metre a second."""
+    """All robots head straight for the goal at 0.5 m/s."""
 
     def __init__(self, request=None):
         self.agent = request.agent if request else 0

@@ -45,7 +45,7 @@ def success(answer):
 
 
 def at_rest(poses, velocities):
-    """Return whether nobody moves, wherever the team is."""
+    """Return whether no robot moves, wherever the team is."""
     if velocities is None:
         return off_centre(poses) < 1.0
     return velocities.abs().amax((-1, -2)) < 0.1

@@ -174,7 +174,7 @@ def test_what_is_known_of_some_episodes_is_theirs(seen):
     assert torch.equal(first.observations[1].scans, seen[1].scans[:1])
     assert first.once("question", lambda: "its own") == "its own"
     assert seen[0].privileged.once("question", lambda: "that of all") == "that of all"
-    assert seen[1].privileged.once("question", lambda: "of nobody") == "that of all"
+    assert seen[1].privileged.once("question", lambda: "of no robot") == "that of all"
 
 
 def test_oracles_take_settings(context):
@@ -187,7 +187,7 @@ def test_oracles_take_settings(context):
 def test_oracles_do_not_guess_what_they_know(context):
     found = full_communication(context).config
     assert not found.respond
-    assert found.evidence == 0
+    assert found.likelihood_weight == 0
     paper = {"predictor": "constant-velocity"}
     assert full_communication(replace(context, preset="paper", settings=paper)).config.horizon == 5
 

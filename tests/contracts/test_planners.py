@@ -275,7 +275,7 @@ def test_shadows_cost_the_more_the_longer_a_team_has_not_met(team, sensed):
         scores = [p.plan(seen, before, rng()).belief.imagination.scores for p in (without, planner)]
         return (scores[0] - scores[1]).amax().item()
 
-    # a plan a second: half of the cost after 5 s, all of it from 10 s on
+    # one plan per second: half of the cost after 5 s, all of it from 10 s on
     assert [cost(plans) for plans in (0, 5, 10, 30)] == pytest.approx([0.0, 4.0, 8.0, 8.0], abs=1e-4)
     assert belief.plans == 1
 

@@ -92,7 +92,7 @@ def test_every_command_is_understood(name, monkeypatch):
 
 
 def test_every_tutorial_writes_packages_of_its_own():
-    """So that whoever goes through all of them never meets a name that is taken."""
+    """So that a reader of all of them never meets a name that is taken."""
     written = [
         line.split()[2].partition("/")[0]
         for name in TUTORIALS

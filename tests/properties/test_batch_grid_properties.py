@@ -182,6 +182,6 @@ def test_a_crowded_world_is_left_by_nobody(fetch):
         # wedged between boxes, a disc gives a little
         assert clear.min() > fetch.footprint_radius - 0.02
         assert (clear > fetch.footprint_radius - 1e-3).mean() > 0.9
-        # nobody that is clear of everything has touched anything
+        # no robot that is clear of everything has touched anything
         assert not state.collided[torch.from_numpy(clear > fetch.footprint_radius + 0.25), 0].any()
     assert touched.float().mean() > 0.3

@@ -173,7 +173,7 @@ def test_the_other_robot_is_seen_at_its_place(pair, empty_world):
     # half a beam off its middle the disc is 1.3 mm farther
     assert scans[0, 110:112] == pytest.approx(3 - 0.235 - pair[1].profile_radius, abs=2e-3)
     assert np.sum(scans[0] < 25) == pytest.approx(2 * math.degrees(math.asin(0.21 / 2.765)), abs=1.5)
-    # the other looks away and sees nobody
+    # the other looks away and sees no robot
     assert np.all(scans[1] == 25)
 
 

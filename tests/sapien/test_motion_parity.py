@@ -167,7 +167,7 @@ def test_a_mesh_stops_robots_from_both_sides(tmp_path):
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_scanned_rooms_stop_robots_alike_and_let_none_through(name):
-    """Nobody leaves the part of the room he began in, through no hole, in neither simulator."""
+    """No robot leaves the part of the room that it began in, in either simulator."""
     world, rng, episodes = resolve_world(name)(np.random.default_rng(0)), numpy_rng(1, name), 6
     start = np.stack([spawn_poses(world, robots(), rng) for _ in range(episodes)])
     simulators = [BatchSimulator(robots()), sapien.SapienSimulator(robots())]

@@ -19,7 +19,7 @@ SKIN = 2e-3
 
 
 def drive(robots, world: World, poses, command, steps: int) -> list:
-    """Return the states of one episode under a constant command a robot."""
+    """Return the states of one episode under a constant command per robot."""
     simulator = BatchSimulator(robots)
     states = [simulator.reset([world], torch.tensor([poses], dtype=torch.float32))]
     for _ in range(steps):

@@ -15,7 +15,7 @@ FAR = [(9.0, 0.0)]
 
 
 def episode(tracks, goals, *, done=-1):
-    """Return one episode: a track of (x, y) a robot, and a row of (x, y) goals a robot, one a step."""
+    """Return one episode: a track of (x, y) per robot, and a row of (x, y) goals per robot, one per step."""
     poses = torch.zeros(1, len(tracks[0]), len(tracks), 3)
     poses[0, :, :, :2] = torch.tensor(tracks).transpose(0, 1)
     return Episodes(

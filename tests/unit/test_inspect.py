@@ -27,7 +27,7 @@ CANDIDATES = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], np.float32)
 
 
 def plan(step, goal, scores=(3.0, 2.0, 1.0), candidates=CANDIDATES, count=2, speed=1.0):
-    """Imagine that everybody drives along x at a speed, for 2 s."""
+    """Imagine that all robots drive along x at a speed, for 2 s."""
     times = np.arange(1, 11, dtype=np.float32) * PERIOD
     paths = np.zeros((len(candidates), 10, count, 2), np.float32)
     paths[..., 0] = speed * (times[:, None] + step * PERIOD)

@@ -25,8 +25,8 @@ from hpp_framework.planning.baselines.maddpg import (
 from hpp_framework.plugins.build import parse_team
 from hpp_framework.plugins.registry import hub
 from hpp_framework.plugins.weights import load_checkpoint, save_checkpoint
+from hpp_framework.training.maddpg.episodes import Rooms, TrainingEpisodes, exploration
 from hpp_framework.training.maddpg.learner import Learner, MaddpgConfig, Replay, Transitions
-from hpp_framework.training.maddpg.practice import Practice, Rooms, exploration
 from hpp_framework.training.maddpg.seeds import Judge, MaddpgTraining, keep_best, plot_seeds, train_seed
 from hpp_framework.utils.errors import CheckpointError, ConfigError
 from hpp_framework.utils.seeding import torch_rng
@@ -263,19 +263,19 @@ def test_the_weights_judged_best_are_kept(team, tmp_path, monkeypatch):
     assert torch.equal(weights["weights.0"], learner.actors.weights[0])
 
 
-def test_agents_practise_with_the_control_stack_that_they_are_judged_with(team):
+def test_agents_train_with_the_control_stack_that_they_are_judged_with(team):
     """A team that stands together stops on success whatever it wants to do; without layers it drives off."""
     task = hub().tasks.create("rendezvous", team.robots)
     moved = {}
     for control in ("stop-on-success:beyond=0", "stop-on-success:beyond=0,safety-filter", "none"):
         rooms = Rooms(world="simple", count=1, episodes=2, steps=3, control=control)
-        practice = Practice(team.robots, task, rooms, 0)
+        episodes = TrainingEpisodes(team.robots, task, rooms, 0)
         together = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.8, 0.0]]).expand(2, 2, 3)
-        everyone = torch.ones(2, 2, dtype=torch.bool)
-        practice._batch.start(
-            practice._simulator.place(torch.zeros(2, dtype=torch.int32), everyone, together), range(2)
+        whole_team = torch.ones(2, 2, dtype=torch.bool)
+        episodes._batch.start(
+            episodes._simulator.place(torch.zeros(2, dtype=torch.int32), whole_team, together), range(2)
         )
-        seen, reward = practice.step(torch.ones(2, 2, 2))
+        seen, reward = episodes.step(torch.ones(2, 2, 2))
         moved[control] = float(seen[..., 0].max())
         assert bool((reward == 0).all())
     assert moved.pop("none") > 0.05

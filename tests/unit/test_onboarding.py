@@ -40,7 +40,7 @@ SMOKE = SCALES["smoke"]
 
 @pytest.fixture
 def rover(register, freight):
-    """Register a robot that nobody knows yet, with as many beams as Freight."""
+    """Register a robot that is not known yet, with as many beams as Freight."""
     register("robots", "rover", lambda: replace(freight, name="rover"))
 
 
@@ -129,7 +129,7 @@ def test_a_skill_without_weights_or_trainer_is_refused(register, tmp_path):
     [
         ("onboard frech", ["no robot called 'frech'. Did you mean 'fetch'"]),
         ("onboard freight --with fetch,rovr", ["no robot called 'rovr'"]),
-        ("onboard dwa --with=", ["name the robots that skill 'dwa' shall drive"]),
+        ("onboard dwa --with=", ["name the robots that skill 'dwa' must drive"]),
         ("onboard freight --scale smok", ["no scale called 'smok'. Did you mean 'smoke'"]),
         ("onboard freight --set trajectries=3", ["'trajectries' is no setting of scale 'standard'"]),
         ("onboard freight --set trajectories=600", ["at least 1000 trajectories are needed"]),

@@ -49,7 +49,7 @@ def networks(form, count, agent):
     torch.manual_seed(0)
     models = [OneStepNetwork(BEAMS) for _ in range(count)]
     for robot, model in enumerate(models):
-        # motions of decimetres a step, and lidar changes that matter
+        # motions of decimetres per step, and lidar changes that matter
         model.output.weight.data[:3] /= form.pose_scale(own=robot == agent)[:, None]
         model.output.weight.data[3:] *= 10
     return models

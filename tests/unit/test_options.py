@@ -37,7 +37,7 @@ class Constant(Skill):
 
 
 class Straight(Predictor):
-    """Everybody moves straight to the goal at one speed, a step a second."""
+    """All robots move straight to the goal at one speed, one step per second."""
 
     def __init__(self, speed, step=1.0):
         self.speed, self.step = speed, step

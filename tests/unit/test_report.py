@@ -181,7 +181,7 @@ def test_text_from_files_is_escaped(text, found):
 def test_says_the_numbers(text):
     words = visible(text)
     assert "meets in 100 % of all episodes with HPP" in words
-    # one of four episodes a world
+    # one of four episodes per world
     assert "Centralized MP, meets in 25 %" in words
     assert "1 holds partly" in words
     assert "0.50 0.25 to 0.75" in words

@@ -201,7 +201,7 @@ class Centre(MetaPlanner):
 
 
 def test_planners_are_told_the_bounds_of_their_own_world(tmp_path, register):
-    """Rooms 40 m apart in one chunk: whoever hears of another episode's room drives off and never meets."""
+    """Rooms 40 m apart in one chunk: a robot told of another episode's room drives off and never meets."""
 
     def apart(rng):
         x = float(rng.integers(2)) * 40

@@ -459,7 +459,7 @@ def test_p2p_is_trained_and_judged_with_the_settings_of_a_trial(tmp_path, monkey
     run_trial(task, reports.append)
     under_way, metrics = reports
     assert under_way is None
-    assert sorted(p2p_search.practice_success(tmp_path)) == [64]
+    assert sorted(p2p_search.training_success(tmp_path)) == [64]
     assert 0 <= metrics["score"] <= 1
     assert metrics["navigation_tasks"] == 1
     assert metrics["score"] == (metrics["success"] + metrics["clean"]) / 2
@@ -469,4 +469,4 @@ def test_p2p_is_trained_and_judged_with_the_settings_of_a_trial(tmp_path, monkey
     # the training may be writing while it is watched
     with (tmp_path / "curve.jsonl").open("a") as stream:
         stream.write('{"steps": 12')
-    assert sorted(p2p_search.practice_success(tmp_path)) == [64]
+    assert sorted(p2p_search.training_success(tmp_path)) == [64]

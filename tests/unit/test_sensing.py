@@ -154,7 +154,7 @@ def test_restart_begins_only_the_chosen_histories(make):
     assert torch.equal(neighbour.poses[0, :, 0], torch.full((HISTORY, 3), 9.0))
     assert neighbour.poses[0, :, 1, 0].tolist() == [0.0, 0.0, 0.0, 0.0, 9.0]
     assert neighbour.scans[0, :, 0].tolist() == [1.0, 1.0, 1.0, 1.0, 9.0]
-    # episode 1: nobody was chosen, the newest entry is measured again
+    # episode 1: no robot was chosen, the newest entry is measured again
     assert restarted.poses[1, :, 0, 0].tolist() == [0.0, 0.0, 0.0, 0.0, 9.0]
 
 

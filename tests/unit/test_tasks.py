@@ -27,7 +27,7 @@ def team():
 
 
 class Straight(Predictor):
-    """Everybody drives straight to its goal at 1 m/s; a second a step."""
+    """Each robot drives straight to its goal at 1 m/s; one second per step."""
 
     def rollout(self, observation, goals, horizon):
         times = torch.arange(1.0, horizon + 1)

@@ -53,7 +53,7 @@ def test_unknown_robots_and_skills_are_suggested():
         parse_team("fetch", skill="p2q")
 
 
-def test_a_team_needs_somebody():
+def test_a_team_needs_a_robot():
     with pytest.raises(ConfigError, match="at least one robot"):
         Team(())
 

@@ -27,10 +27,10 @@ FAR_FROM_EACH_OTHER = [[-4.0, -0.5, 0.3], [4.0, 0.5, -2.8]]
     ],
 )
 def test_what_lies_within_the_width_of_the_way_is_in_the_way(point, blocks):
-    pose, spot = torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[2.0, 0.0]])
+    pose, end = torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[2.0, 0.0]])
     points = torch.tensor([[point]])
-    assert bool(in_the_way(pose, spot, points, torch.tensor([[True]]), 0.3)) is blocks
-    assert not bool(in_the_way(pose, spot, points, torch.tensor([[False]]), 0.3))
+    assert bool(in_the_way(pose, end, points, torch.tensor([[True]]), 0.3)) is blocks
+    assert not bool(in_the_way(pose, end, points, torch.tensor([[False]]), 0.3))
 
 
 @pytest.mark.parametrize("agent", [0, 1])

@@ -1,4 +1,4 @@
-"""Worker processes: everything is done once, errors arrive, and nobody outlives the iteration."""
+"""Worker processes: everything is done once, errors arrive, and no worker outlives the iteration."""
 
 from __future__ import annotations
 

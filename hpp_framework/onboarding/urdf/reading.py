@@ -205,7 +205,7 @@ def _read_sensor(model: Model, link: str, reading: Reading) -> None:
     where = f"<gazebo reference='{link}'>"
     low, high = (_number(sensor, f".//horizontal/{end}_angle") for end in ("min", "max"))
     for name, value, ask in (
-        ("beams", _number(sensor, ".//horizontal/samples"), "beams a scan"),
+        ("beams", _number(sensor, ".//horizontal/samples"), "beams per scan"),
         ("field_of_view", None if low is None or high is None else high - low, "field of view in radians"),
         ("min_range", _number(sensor, ".//range/min"), "shortest range in m"),
         ("max_range", _number(sensor, ".//range/max"), "longest range in m"),

@@ -59,7 +59,7 @@ def robot_from_urdf(file: Path, name: str, answers: Mapping[str, Any] | None = N
     Args:
         file: the URDF.
         name: registered name of the robot.
-        answers: numbers that the file does not say or that shall go before it, by the names of
+        answers: numbers that the file does not say or that must override it, by the names of
             :data:`ANSWERS`; ``wheels``: names of the left and the right wheel's joint; ``lidar_link``.
 
     Raises:

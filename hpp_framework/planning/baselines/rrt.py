@@ -1,7 +1,7 @@
 """Paths by rapidly-exploring random trees (LaValle 1998), grown by OMPL; its only import.
 
-OMPL draws its random numbers from one generator a process. Each search here begins by seeding it, and builds
-all that draws from it anew, so that a search depends on its own seed only. Searches are bounded by
+OMPL draws its random numbers from one generator per process. Each search here begins by seeding it, and
+builds all that draws from it anew, so that a search depends on its own seed only. Searches are bounded by
 iterations, not by time, for the same reason. They must not run in several threads at once.
 """
 

@@ -29,7 +29,7 @@ class RrtCemConfig:
         snap: whether a goal that cannot be reached moves to the nearest place that can.
         look_ahead: distance along the path at which the skill's goal lies ahead of the robot, metres.
         tree: how trees grow.
-        motion: how everybody is imagined to move.
+        motion: how all robots are imagined to move.
         horizon: prediction steps.
         terminal: share of the score that is the reward at the horizon; the rest is its mean over time.
         least_std: smallest standard deviation of the first Gaussian over goals along an axis, metres.

@@ -14,7 +14,7 @@ from hpp_framework.perception.sensing import seen_points
 from hpp_framework.worlds.occupancy import FreeSpace
 
 RESOLUTION = 0.1
-"""Metres a cell of a map made of lidar."""
+"""Metres per cell of a map made of lidar."""
 REACH = 8.0
 """How far such a map reaches beyond the team, metres."""
 STRIDE = 0.05
@@ -32,7 +32,7 @@ class Room:
         slack: (rows, columns) metres that the disc can be moved in any direction; it fits where this is
             positive. Row 0 has the lowest y.
         origin: (x, y) of the corner of cell (0, 0), metres.
-        resolution: metres a cell.
+        resolution: metres per cell.
     """
 
     slack: npt.NDArray[np.float32]
@@ -122,7 +122,7 @@ def seen_spaces(observation: Observation, lidar: Lidar, bounds: Bounds) -> list[
 
 
 def _limits(robots: Points, bounds: Bounds) -> tuple[Points, Points]:
-    """Return the lowest and the highest corner of a map that holds everybody."""
+    """Return the lowest and the highest corner of a map that holds all robots."""
     low = np.maximum(robots.min(0) - REACH, bounds[:2])
     high = np.minimum(robots.max(0) + REACH, bounds[2:])
     return np.minimum(low, robots.min(0) - 1), np.maximum(high, robots.max(0) + 1)

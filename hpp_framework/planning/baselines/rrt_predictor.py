@@ -1,7 +1,7 @@
-"""Motion as RRT+CEM imagines it: everybody follows RRT paths through what the asking robot knows.
+"""Motion as RRT+CEM imagines it: all robots follow RRT paths through what the asking robot knows.
 
-There is one tree a robot and observation, and every goal is reached from its nodes: as if each candidate had
-a tree of its own, at a fraction of the cost. Goals near each other then also get like paths.
+There is one tree per robot and observation, and every goal is reached from its nodes. This costs a fraction
+of one tree per candidate. Goals near each other then also get like paths.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ CORNERS_CUT = 6
 
 @validated
 class MotionConfig:
-    """How everybody is imagined to move.
+    """How all robots are imagined to move.
 
     Attributes:
-        period: seconds a prediction step.
+        period: seconds per prediction step.
         speed: at which robots follow paths once they have got there from their present speed, m/s.
         samples: of a tree.
     """
@@ -48,12 +48,12 @@ class MotionConfig:
 
 
 class RrtPredictor(Predictor):
-    """Everybody goes along RRT paths; no weights, nothing learned.
+    """All robots go along RRT paths; no weights, nothing learned.
 
     Args:
         robots: the team.
         margin: gap between footprints and obstacles that paths keep, metres.
-        config: how everybody moves.
+        config: how all robots move.
     """
 
     def __init__(self, robots: Sequence[RobotSpec], margin: float, config: MotionConfig) -> None:

@@ -1,8 +1,9 @@
 """Planners of partners and strangers: robots that an HPP robot may find beside it and cannot change.
 
 - ``stubborn``: a teammate that insists on one goal of its own and never gives it up.
-- ``route``: drives way-points, like a leader who knows the way; heeds nobody and never rests on the way.
-- ``wander``: drives from one random place in sight to the next, like somebody who has nothing to do with it.
+- ``route``: drives way-points, like a leader that knows the path; ignores the others and never stops before
+  the last.
+- ``wander``: drives from one random place in sight to the next, like a robot with another task.
 
 None of them looks at the others, so what they do tells nothing of what the team wants.
 """

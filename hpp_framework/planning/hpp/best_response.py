@@ -1,8 +1,9 @@
 """The reward of a goal of one's own while the others pursue goals that one can only guess.
 
-A planner that scores *shared* goals hopes that everybody hopes the same. Where two ways round a wall are
-nearly equal, robots that see different things then set out for different ends and wait for each other. The
-answer of game theory is the best response: score one's own goal against what the others probably do.
+A planner that scores *shared* goals assumes that all robots choose the same goal. Where two paths round a
+wall are nearly equal, robots that see different things then set out for different ends and wait for each
+other. The answer of game theory is the best response: score one's own goal against what the others probably
+do.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ def pair_rewards(
 
     Args:
         task: the shared objective.
-        imagined: everybody's motion for each goal.
-        agent: index of the one who chooses.
+        imagined: the team's motion for each goal.
+        agent: index of the robot that chooses.
         others: probability that all others pursue a goal, for the goals in ``chosen``; sums to 1.
         chosen: indices of these goals.
     """

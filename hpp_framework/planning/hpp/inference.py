@@ -1,4 +1,4 @@
-"""What a team's motion tells of everybody's goals: evidence for each candidate, robot by robot.
+"""What a team's motion tells of each robot's goal: evidence for each candidate, robot by robot.
 
 A robot that makes for a goal moves as its motion model said it would; the farther from it, the less likely
 the goal. Evidence is kept per candidate goal, as log-likelihoods that fade, so that a robot may change its
@@ -61,9 +61,9 @@ class GoalInference:
 
         Args:
             before: what the last plan left; None at the start of an episode.
-            positions: where everybody is now, metres.
+            positions: where all robots are now, metres.
             goals: candidates; they move with the team, so evidence goes to the nearest.
-            std: how unsure the positions are along each axis, metres; None for not at all.
+            std: standard deviation of the positions along each axis, metres; None for exact ones.
         """
         if before is None:
             return goals.new_zeros(*goals.shape[:2], positions.shape[1])

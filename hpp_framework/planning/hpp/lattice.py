@@ -214,7 +214,7 @@ class LatticePlanner(MetaPlanner):
         return min(1.0, passed / self.config.patience) if self.config.patience else 1.0
 
     def candidates(self, observation: Observation) -> Float[Tensor, "b g 2"]:
-        """Return the lattice points nearest to the team's midpoint; the same set whoever looks."""
+        """Return the lattice points nearest to the team's midpoint; the same set for every robot."""
         spacing, rows = self.config.spacing, self.config.spacing * math.sqrt(3) / 2
         anchor = torch.zeros_like(observation.pose[:, :2]) if self.config.shared else observation.pose[:, :2]
         middle = observation.team_poses[..., :2].mean(1) - anchor

@@ -1,11 +1,11 @@
-"""Oracles: planner ``hpp`` with less to suffer from. They are privileged, not decentralised methods.
+"""Oracles: planner ``hpp`` with privileged information. They are not decentralised methods.
 
-- ``full-communication``: everybody tells everybody everything. There is one belief and one goal for all, and
-  every robot is predicted by its own model of itself from its own scan. What it reaches beyond ``hpp`` is
-  what silence costs.
-- ``perfect-model``: besides, motion is not predicted but simulated from the true state. What it reaches
-  beyond the former is what the predictor costs; what it misses is up to the skill, the search over goals, or
-  nobody.
+- ``full-communication``: all robots share everything. There is one belief and one goal for all. Every robot
+  is predicted by its own model of itself from its own scan. The gain over ``hpp`` is the cost of not
+  communicating.
+- ``perfect-model``: besides, motion is not predicted but simulated from the true state. The gain over the
+  former is the cost of the predictor. Remaining failures are due to the skill, the search over goals, or the
+  episode itself.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ NOTHING_TO_GUESS: Mapping[str, Mapping[str, Any]] = {
 there is nothing to guess, and a goal is scored as what it is, a goal of all."""
 
 
-class OneMind(MetaPlanner):
-    """Planner ``hpp`` for the whole team: whoever asks first has it plan, and all get one goal and belief.
+class Oracle(MetaPlanner):
+    """Planner ``hpp`` for the whole team: the first agent that asks has it plan; all get one goal and belief.
 
     It plans from the first agent's observed poses.
 
@@ -85,7 +85,7 @@ class OneMind(MetaPlanner):
 
 
 def _check_team(name: str, team: Team) -> None:
-    """Refuse a team for which one mind cannot plan all the time."""
+    """Refuse a team for which an oracle cannot plan all the time."""
     for member in team.members:
         if member.planner is not None and member.planner.partition(":")[0] != name:
             raise ConfigError(
@@ -103,7 +103,7 @@ class PooledPredictor(Predictor):
     """Asks every robot's own model of itself, with that robot's own observation.
 
     Args:
-        predictors: one an agent, in team order.
+        predictors: one per agent, in team order.
     """
 
     def __init__(self, predictors: list[Predictor]) -> None:
@@ -139,26 +139,28 @@ def _observations(observation: Observation) -> Sequence[Observation]:
 def _joined(own: list[Trajectories]) -> Trajectories:
     """Return the motion of each robot as it imagines it itself."""
     poses = torch.stack([one.poses[..., i, :] for i, one in enumerate(own)], -2)
-    sure = [one.std for one in own if one.std is not None]
-    std = torch.stack([each[..., i] for i, each in enumerate(sure)], -1) if len(sure) == len(own) else None
+    stated = [one.std for one in own if one.std is not None]
+    std = (
+        torch.stack([each[..., i] for i, each in enumerate(stated)], -1) if len(stated) == len(own) else None
+    )
     return Trajectories(poses, own[0].times, std)
 
 
-def full_communication(context: PlannerContext) -> OneMind:
+def full_communication(context: PlannerContext) -> Oracle:
     """Build the full-communication oracle of ``hpp`` under the context's preset and settings."""
 
     def pooled(name: str, context: PlannerContext) -> PooledPredictor:
-        everybody = range(len(context.team))
-        return PooledPredictor([own_predictor(name, replace(context, agent=i)) for i in everybody])
+        team = range(len(context.team))
+        return PooledPredictor([own_predictor(name, replace(context, agent=i)) for i in team])
 
-    return OneMind("full-communication", context, pooled)
+    return Oracle("full-communication", context, pooled)
 
 
-def perfect_model(context: PlannerContext) -> OneMind:
+def perfect_model(context: PlannerContext) -> Oracle:
     """Build ``hpp`` with the simulator as its predictor; plans every 2 s unless settings say otherwise."""
 
     def simulated(name: str, context: PlannerContext) -> PerfectModel:
         return PerfectModel(context, own_predictor(name, context), settings["plan_every"])
 
     settings: dict[str, Any] = {"plan_every": PERFECT_PLAN_EVERY, **context.settings}
-    return OneMind("perfect-model", replace(context, settings=settings), simulated)
+    return Oracle("perfect-model", replace(context, settings=settings), simulated)

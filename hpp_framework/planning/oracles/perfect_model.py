@@ -159,9 +159,9 @@ class _Crowd:
         pool, index = _pool(self.worlds)
         simulator = self.owner.simulator
         simulator.load(pool, episodes=len(self.worlds))
-        everyone = torch.ones(self.state.poses.shape[:2], dtype=torch.bool)
+        whole_team = torch.ones(self.state.poses.shape[:2], dtype=torch.bool)
         self.state = simulator.place(
-            index, everyone, self.state.poses, self.state.velocities, self.state.people
+            index, whole_team, self.state.poses, self.state.velocities, self.state.people
         )
 
 

@@ -115,8 +115,8 @@ def drive_among(
 ):
     """Drive every robot of one episode for one control period, and let its people walk.
 
-    In each substep people go first, and stop at robots; then robots go, and stop at people. So nobody is
-    pushed by a person, and a robot only touches a person that it drives into.
+    In each substep people go first, and stop at robots; then robots go, and stop at people. So no robot or
+    person is pushed by a person, and a robot only touches a person that it drives into.
 
     Args:
         start: as ``drive`` has it, and all that are not described here.

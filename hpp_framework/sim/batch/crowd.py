@@ -110,7 +110,7 @@ class Crowd:
         fresh = fresh.to(self.people.poses.device)
         chosen = self._world.long()
         start = self._starts[chosen]
-        # NaN where there is nobody
+        # NaN where there is no person
         still = 0 * start[..., :2]
         told = people or People(start, still, self._ways[chosen], torch.zeros_like(self.people.time))
         for name in ("poses", "velocities", "progress", "time"):

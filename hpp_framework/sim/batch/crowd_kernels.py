@@ -3,7 +3,7 @@
 People walk by the social forces of Moussaid, Helbing, Garnier, Johansson, Combe and Theraulaz, "Experimental
 study of the behavioural mechanisms underlying self-organization in human crowds", Proc. R. Soc. B 276 (2009),
 with the constants that they fitted to trajectories of pedestrians. Three things are added: distances to
-walls count from the edge of the body, so that nobody brushes along them; speed is at most 1.3 times the
+walls count from the edge of the body, so that people do not brush along them; speed is at most 1.3 times the
 preferred one (Helbing and Molnar 1995); and a person that gets nowhere for some seconds turns back.
 """
 

@@ -20,10 +20,10 @@ from hpp_framework.utils.kernels import wp
 from hpp_framework.worlds.slicing import ONE_SIDED, SEEN, TOUCHED, PlanarMap
 
 SEEN_CONTENT = 6
-"""Obstacles a cell that the grids of lidars aim at: with more, more are looked at in vain; with fewer, there
-are too many cells."""
+"""Obstacles per cell that the grids of lidars aim at: with more, more are looked at in vain; with fewer,
+there are too many cells."""
 TOUCHED_CONTENT = 1
-"""Obstacles a cell that the grids of bodies aim at."""
+"""Obstacles per cell that the grids of bodies aim at."""
 MAX_CELLS = 32
 """Cells along one side of a grid, at most."""
 MARGIN = 1e-4
@@ -42,7 +42,7 @@ class Layer:
         box_world: (b,) index of each box's world.
         discs: (c, 3) x, y, radius in metres.
         disc_world: (c,) index of each disc's world.
-        content: obstacles a cell that its grids aim at.
+        content: obstacles per cell that its grids aim at.
     """
 
     boxes: Floats
@@ -174,7 +174,7 @@ def _sort(layer: Layer, worlds: int) -> _Gridded:
 
 
 def _grids(middle: Floats, world: Indices, worlds: int, content: float) -> tuple[npt.NDArray[Any], Floats]:
-    """Return a grid a world over the middles (s, 2) of its obstacles, and the longer side of its cells."""
+    """Return one grid per world over the middles (s, 2) of its obstacles, and the longer sides of cells."""
     low, high = np.full((worlds, 2), np.inf), np.full((worlds, 2), -np.inf)
     np.minimum.at(low, world, middle)
     np.maximum.at(high, world, middle)

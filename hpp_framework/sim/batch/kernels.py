@@ -1,7 +1,8 @@
 """What both kernels of the batch simulator share: their data, and small functions.
 
-The obstacles of all worlds lie in flat arrays, sorted by the cells of one grid a world and layer. A layer is
-what one lidar height sees, or what one body height touches; ``hpp_framework.sim.batch.grid`` builds it all.
+The obstacles of all worlds lie in flat arrays, sorted by the cells of one grid per world and layer. A layer
+is what one lidar height sees, or what one body height touches; ``hpp_framework.sim.batch.grid`` builds it
+all.
 """
 
 import warp as wp

@@ -38,7 +38,7 @@ class BatchSimulator(Simulator):
     Args:
         robots: the team.
         device: ``"cpu"`` or ``"cuda"``.
-        threads: that work side by side on the CPU, or None for one a core that this process may use.
+        threads: that work side by side on the CPU, or None for one per core that this process may use.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class BatchSimulator(Simulator):
     ) -> None:
         super().__init__(robots)
         if threads is not None and threads < 1:
-            raise SimulatorError(f"threads must be at least 1, or None for one a core, got {threads}.")
+            raise SimulatorError(f"threads must be at least 1, or None for one per core, got {threads}.")
         self.device = torch.device(device)
         self._warp_device = wp.device_from_torch(self.device)
         self._threads = ThreadPool(threads if self.device.type == "cpu" else 1)
@@ -62,16 +62,16 @@ class BatchSimulator(Simulator):
         self._crowd: Crowd | None = None
 
     def reset(self, worlds: Sequence[World], poses: Float[Tensor, "b n 3"]) -> State:
-        """Start one episode a world; equal worlds share their geometry."""
+        """Start one episode per world; equal worlds share their geometry."""
         self.check_poses(worlds, poses)
         # most equal worlds are the same object, and comparing those is cheap
         objects = {id(world): world for world in worlds}
         place = {world: index for index, world in enumerate(dict.fromkeys(objects.values()))}
         index_of = {key: place[world] for key, world in objects.items()}
         self.load(tuple(place), episodes=len(worlds))
-        everyone = torch.ones(len(worlds), len(self.robots), dtype=torch.bool)
+        whole_team = torch.ones(len(worlds), len(self.robots), dtype=torch.bool)
         world_index = torch.tensor([index_of[id(world)] for world in worlds], dtype=torch.int32)
-        return self.place(world_index, everyone, poses)
+        return self.place(world_index, whole_team, poses)
 
     def load(self, pool: Sequence[World], *, episodes: int) -> None:
         """Hold a pool of worlds and room for a number of episodes; follow with :meth:`place`.

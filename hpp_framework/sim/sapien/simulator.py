@@ -220,13 +220,13 @@ def _side_by_side(people: Sequence[People | None]) -> People:
     """Return the people of several episodes as one, padded with NaN."""
     known = [each for each in people if each is not None]
     most = max(each.poses.shape[1] for each in known)
-    nobody = known[0].episodes(slice(0)).poses
+    absent = known[0].episodes(slice(0)).poses
 
     def joined(name: str) -> Tensor:
         rows: list[Tensor] = []
         for each in people:
             width = getattr(known[0], name).shape[-1]
-            row = nobody.new_full((1, most, width), torch.nan)
+            row = absent.new_full((1, most, width), torch.nan)
             if each is not None:
                 row[:, : each.poses.shape[1]] = getattr(each, name)
             rows.append(row)

@@ -133,7 +133,7 @@ class Replay:
 
     Args:
         rounds: finished ones that it has room for.
-        steps: control steps an episode.
+        steps: control steps per episode.
         episodes: side by side.
         shape: of what the team sees in one control step: (agents, features).
         actions: numbers that each agent decides on.
@@ -184,7 +184,7 @@ class Replay:
         oldest = max(0, self.finished - self.rounds)
         place = (oldest + drawn // (steps * episodes)) % self._slots
         chosen = place * steps * episodes + drawn % (steps * episodes)
-        # observations have one more row a round than transitions
+        # observations have one more row per round than transitions
         seen = chosen + place * episodes
         every = self._seen.flatten(0, 2)
         return Transitions(

@@ -38,15 +38,15 @@ from hpp_framework.plugins.builtin import DEFAULT_TASK
 from hpp_framework.plugins.registry import hub
 from hpp_framework.plugins.weights import load_checkpoint, require_same_run, save_checkpoint
 from hpp_framework.sim.batch.simulator import BatchSimulator
+from hpp_framework.training.maddpg.episodes import ACTIONS, Recipe, Rooms, train
 from hpp_framework.training.maddpg.learner import Learner
-from hpp_framework.training.maddpg.practice import ACTIONS, Recipe, Rooms, practise
 from hpp_framework.utils.executor import Report
 from hpp_framework.utils.seeding import numpy_rng, torch_rng
 from hpp_framework.worlds.loader import resolve_world
 from hpp_framework.worlds.spawn import spawn_poses
 
 JUDGE_SEED = 5001
-"""Of the episodes that policies are compared by, in worlds that no seed practises in."""
+"""Of the episodes that policies are compared by, in worlds that no seed trains in."""
 BEST, SPREAD = "#1868c4", "#e377a2"
 POINTS = 20
 """Of a learning curve."""
@@ -133,7 +133,7 @@ def train_seed(training: MaddpgTraining, report: Report) -> None:
     task = hub().tasks.create(training.task, robots)
     rng = torch_rng(training.seed, "network")
     learner = Learner(len(robots), feature_count(robots), ACTIONS, training.recipe.learner, rng)
-    curve, best = _practise(training, learner, task, report)
+    curve, best = _train(training, learner, task, report)
     card = {
         **expected_metadata(robots, task),
         "command": command([training]),
@@ -150,16 +150,16 @@ def highest(curve: Sequence[Row]) -> Row:
     return max(curve, key=lambda row: row["judged_return"])
 
 
-def _practise(
+def _train(
     training: MaddpgTraining, learner: Learner, task: Task, report: Report
 ) -> tuple[list[Row], dict[str, Tensor]]:
-    """Let a seed's learner practise; returns its curve, and the actors' weights when they were best."""
+    """Train a seed's learner; returns its curve, and the actors' weights when they were best."""
     recipe = training.recipe
     judge = Judge(training.team, task, recipe.rooms, recipe.judged)
     curve, returns, best = list[Row](), list[float](), dict[str, Tensor]()
     judged = {training.steps * point // POINTS for point in range(1, POINTS + 1)}
     robots = training.team.robots
-    rounds = practise(learner, robots, task, recipe, steps=training.steps, seed=training.seed)
+    rounds = train(learner, robots, task, recipe, steps=training.steps, seed=training.seed)
     for done, total in rounds:
         returns.append(total)
         message = ""

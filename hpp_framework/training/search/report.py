@@ -30,7 +30,7 @@ FEWEST = 4
 COLUMNS = 4
 """Parameters side by side in the picture."""
 PANEL = (3.2, 3.2)
-"""Inches a panel."""
+"""Inches per panel."""
 
 
 def write_report(config: SearchConfig, search: SkillSearch, phases: Sequence[PhaseSearch]) -> None:

@@ -61,7 +61,7 @@ def _draw(rng: np.random.Generator, difficulty: float) -> World:
 
 
 def _edges(rng: np.random.Generator, lines: int, narrowest: float) -> npt.NDArray[np.float64]:
-    """Return where cells begin and end: one a corridor, and two for each block between corridors."""
+    """Return where cells begin and end: one per corridor, and two for each block between corridors."""
     widths = np.minimum(narrowest * rng.uniform(1.0, SPREAD, lines), WIDTH[0])
     blocks = rng.uniform(*BLOCK, lines - 1)
     cut = blocks * rng.uniform(0.35, 0.65, lines - 1)

@@ -28,7 +28,7 @@ SPAN = 6.0
 """Extent in metres of that region: goals 5 m away must be found from many of its points."""
 
 GRID = 0.1
-"""Resolution of the check in metres a cell, the same as that of world pools."""
+"""Resolution of the check in metres per cell, the same as that of world pools."""
 
 ATTEMPTS = 500
 _ANGLES = np.linspace(0, np.pi, 12, endpoint=False)

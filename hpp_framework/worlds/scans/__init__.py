@@ -1,1 +1,1 @@
-"""The scans of the catalogue: how they are made. They are read from files, as anybody's own scan is."""
+"""The scans of the catalogue: how they are made. They are read from files, as any other scan is."""

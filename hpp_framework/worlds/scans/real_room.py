@@ -138,7 +138,7 @@ def write(folder: Path) -> list[Path]:
         folder: where to.
 
     Returns:
-        The files, one a layout.
+        The files, one per layout.
     """
     files = [folder / f"{name}.ply" for name in LAYOUTS]
     for file in files:

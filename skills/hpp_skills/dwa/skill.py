@@ -37,7 +37,7 @@ class DynamicWindow(Skill):
     Args:
         robot: whose drive limits, footprint and lidar count.
         config: sizes and weights.
-        threads: that share out the batch on the CPU, or None for one a core that this process may use.
+        threads: that share out the batch on the CPU, or None for one per core that this process may use.
     """
 
     def __init__(

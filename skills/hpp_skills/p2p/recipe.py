@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from hpp_framework.config.settings import altered
-from hpp_framework.envs.problem import PointToPoint, Practice
+from hpp_framework.envs.problem import DomainRandomisation, PointToPoint
 from hpp_framework.training.ppo import PpoConfig
 from hpp_skills.p2p.network import NetworkShape
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rooms:
-    """The worlds that are practised in.
+    """The training worlds.
 
     Attributes:
         world: registered world, from easy to hard if its generator takes a ``difficulty``.
@@ -23,10 +23,10 @@ class Rooms:
         margin: metres by which robots are thicker than they are, so that they learn to keep off.
         clearance: gap between such a robot at a start or goal and the nearest obstacle, in metres.
         comfort: gap to obstacles that the rewarded path prefers to keep, in metres.
-        robots: that practise side by side.
+        robots: trained side by side.
         robots_per_world: that share a world and are in each other's way.
         first_share: part of the worlds, the easiest, that training begins with.
-        all_from: share of the training after which all worlds are practised in.
+        all_from: share of the training after which all worlds are used.
     """
 
     world: str = "mixed"
@@ -47,17 +47,19 @@ class Recipe:
 
     Attributes:
         reward: the problem and what is rewarded.
-        practice: disturbances.
+        randomisation: disturbances, drawn anew with each world.
         rooms: where.
         network: how large.
         ppo: how it learns.
     """
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"practice": "randomisation"}
+
     reward: PointToPoint = field(default_factory=lambda: PointToPoint(
         goal_distance=(0.5, 12.0), max_steps=200, progress=1.0, arrival=3.0, collision=-2.5, touch=-0.2,
         step=-0.05, turn=-0.005, linger=0.3,
     ))  # fmt: skip
-    practice: Practice = field(default_factory=Practice)
+    randomisation: DomainRandomisation = field(default_factory=DomainRandomisation)
     rooms: Rooms = field(default_factory=Rooms)
     network: NetworkShape = field(default_factory=NetworkShape)
     ppo: PpoConfig = field(
@@ -77,7 +79,8 @@ class Recipe:
 
 
 GOING_ON: Mapping[str, Any] = {
-    "ppo.learning_rate": 3e-4, "ppo.log_std_init": -1.5, "rooms.first_share": 1.0, "practice.detours": 0.3,
+    "ppo.learning_rate": 3e-4, "ppo.log_std_init": -1.5, "rooms.first_share": 1.0,
+    "randomisation.detours": 0.3,
 }  # fmt: skip
-"""What differs when a training goes on from trained weights: small steps and little exploration keep what the
+"""Settings of a training that goes on from trained weights: small steps and little exploration keep what the
 policy knows, and navigation tasks are harder."""

@@ -31,7 +31,7 @@ REWARD: dict[str, Distribution] = {
     "reward.turn": FloatDistribution(-0.02, 0.0),
     "reward.linger": FloatDistribution(0.05, 0.6),
     "rooms.comfort": FloatDistribution(0.1, 0.6),
-    "practice.end_on_touch": FloatDistribution(0.0, 1.0),
+    "randomisation.end_on_touch": FloatDistribution(0.0, 1.0),
     "ppo.gamma": CategoricalDistribution((0.98, 0.985, 0.99, 0.993)),
 }
 NETWORK: dict[str, Distribution] = {
@@ -52,7 +52,7 @@ def search() -> SkillSearch:
         phases={"reward": REWARD, "network": NETWORK},
         start={name: reduce(getattr, name.split("."), recipe) for name in (*REWARD, *NETWORK)},
         objective=judge,
-        curve=practice_success,
+        curve=training_success,
     )
 
 
@@ -90,11 +90,11 @@ def judge(weights: Path, robot: RobotSpec, seed: int) -> dict[str, float]:
     return {**found, "spl": spl, "navigation_tasks": float(NAVIGATION_TASKS * len(judged))}
 
 
-def practice_success(folder: Path) -> dict[int, float]:
-    """Return the success in practice by control steps, each over the last 2,000 episodes.
+def training_success(folder: Path) -> dict[int, float]:
+    """Return the success in training by control steps, each over the last 2,000 episodes.
 
-    Touches that end an episode (``practice.end_on_touch``) make practice harder, so this favours policies
-    that were practised more leniently: it is only good for telling hopeless trainings early.
+    Touches that end an episode (``randomisation.end_on_touch``) make training harder, so this favours
+    lenient settings: it only serves to stop hopeless trainings early.
 
     Args:
         folder: of a training, which may still go on.

@@ -26,7 +26,7 @@ from hpp_framework.training.ppo import actor_modules, train_ppo
 from hpp_framework.training.snapshots import remove_snapshot
 from hpp_framework.utils.errors import unknown_name
 from hpp_framework.utils.seeding import child_seed
-from hpp_framework.worlds.pool import build_practice_pool
+from hpp_framework.worlds.pool import build_training_pool
 from hpp_skills.p2p.network import Encoder, NetworkShape, PolicyNetwork
 from hpp_skills.p2p.recipe import GOING_ON, Recipe, Rooms
 from hpp_skills.p2p.skill import PointToPoint as PointToPointSkill
@@ -118,18 +118,18 @@ def _env(recipe: Recipe, robot: RobotSpec, config: SkillTraining) -> PointToPoin
     robot = replace(robot, footprint_radius=robot.footprint_radius + rooms.margin)
     # a training has no use for more worlds than it has episodes
     count = max(1, min(rooms.count, config.steps // recipe.reward.max_steps))
-    pool = build_practice_pool(
+    pool = build_training_pool(
         rooms.world, count, [robot], seed=config.seed, clearance=rooms.clearance, goals=rooms.goals,
         comfort=rooms.comfort,
     )  # fmt: skip
     return PointToPointVectorEnv(
         rooms.robots, robot=robot, pool=pool, robots_per_world=rooms.robots_per_world,
-        problem=recipe.reward, practice=recipe.practice, seed=config.seed,
+        problem=recipe.reward, randomisation=recipe.randomisation, seed=config.seed,
     )  # fmt: skip
 
 
 def _share(rooms: Rooms, done: float) -> float:
-    """Return the part of the worlds, the easiest, to practise in when a part of the training is done."""
+    """Return the part of the worlds, the easiest, that training uses when a part of the training is done."""
     return min(1.0, rooms.first_share + (1 - rooms.first_share) * done / max(rooms.all_from, 1e-9))
 
 

@@ -68,7 +68,7 @@ class Between(Term):
 
     Args:
         chosen: pairs of indices.
-        least: metres, an entry a pair.
+        least: metres, one entry per pair.
         most: metres.
     """
 
@@ -107,7 +107,7 @@ class Spaced(Between):
     """The same of all pairs; robots are sent to a ring around a shared goal on which all have room.
 
     Args:
-        least: metres, an entry a pair in the order of :func:`pairs`.
+        least: metres, one entry per pair in the order of :func:`pairs`.
         most: metres.
         count: robots.
     """

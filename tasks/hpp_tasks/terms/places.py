@@ -88,7 +88,7 @@ def coverage(
     """Build the term ``coverage`` of a rectangle, looked at on a grid of ``points`` by ``points``.
 
     Raises:
-        ConfigError: if the rectangle is empty or the grid has fewer than two points a side.
+        ConfigError: if the rectangle is empty or the grid has fewer than two points per side.
     """
     del robots
     if not (left < right and bottom < top) or points < 2:

@@ -1,4 +1,4 @@
-"""A task: everybody meets at one place, the door, whose position all robots know."""
+"""A task: all robots meet at one place, the door, whose position all robots know."""
 
 from __future__ import annotations
 

@@ -10,5 +10,5 @@ def register(hub: Hub) -> None:
     hub.tasks.add(
         "meet-at-door",
         "my_pkg.meet_at_door:meet_at_door",
-        summary="everybody at rest at one place that all know",
+        summary="all robots at rest at one place that all know",
     )

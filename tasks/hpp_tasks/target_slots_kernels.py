@@ -1,4 +1,4 @@
-"""Warp kernel of gatherings: robots drawn to a middle until all find room around it."""
+"""Warp kernel of target slots: robots drawn to a middle until all have room around it."""
 
 import warp as wp
 
@@ -8,18 +8,18 @@ ROUNDS = wp.constant(120)
 PULL = wp.constant(0.3)
 """Share of the distance to the ring by which a robot outside comes nearer each round."""
 SAME = wp.constant(1.0e-5)
-"""Metres below which two robots count as standing on one point; one of them goes along x."""
+"""Metres below which two robots count as on one point; one of them goes along x."""
 
 
 @wp.kernel
-def settle(
+def spread_out(
     offsets: wp.array2d(dtype=wp.vec2),
     radius: float,
     apart: float,
     here: wp.array2d(dtype=wp.vec2),
     there: wp.array2d(dtype=wp.vec2),
 ):
-    """Write into ``here`` where the robots of each row come to stand around the origin.
+    """Write into ``here`` the targets of each row's robots around the origin.
 
     Each round, robots outside the ring come nearer and robots too near each other move apart by half of what
     is missing; in the second half, their middle is moved back to the origin.

@@ -1,4 +1,4 @@
-"""How MADDPG practises: teams side by side in random rooms act with noise, remember, and learn a little."""
+"""Training episodes of MADDPG: teams act with noise in random rooms, and the learner is updated."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ from hpp_framework.worlds.pool import build_pool, draw_starts
 
 ACTIONS = 2
 """Numbers that an agent decides on: [v, omega]."""
+STREAM = "practice"
+"""Name of the random stream; weights are repeatable only under this name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +37,7 @@ class Rooms:
         world: registered world, or a world file.
         count: different worlds.
         episodes: side by side.
-        steps: control steps an episode.
+        steps: control steps per episode.
         start_distance: nearest and farthest neighbour at the start, in metres.
         control: control stack of the robots, as they have it when they are judged.
     """
@@ -54,7 +56,7 @@ class Recipe:
 
     Attributes:
         learner: hyper-parameters of the gradient steps.
-        rooms: where is practised.
+        rooms: the training worlds.
         update_every: control steps between two gradient steps, as in the code of Lowe et al.
         memory: control steps remembered.
         warm_up: control steps before the first gradient step.
@@ -75,8 +77,8 @@ class Recipe:
     judged: int = 100
 
 
-class Practice:
-    """Teams that practise side by side.
+class TrainingEpisodes:
+    """Teams that train side by side.
 
     Args:
         robots: the team, in team order; everything else here is in the order of the actors.
@@ -89,7 +91,7 @@ class Practice:
         self.robots = [robots[index] for index in roles(robots)]
         self.task = task
         self.rooms = rooms
-        self._rng = numpy_rng(seed, "practice")
+        self._rng = numpy_rng(seed, STREAM)
         self._control = [
             make_control(rooms.control, self.robots, index, task) for index in range(len(self.robots))
         ]
@@ -102,9 +104,9 @@ class Practice:
         """Begin new episodes in worlds drawn anew; returns what the team sees."""
         world = self._rng.integers(len(self._pool), size=self.rooms.episodes)
         starts = draw_starts(self._pool, world, len(self.robots), self.rooms.start_distance, self._rng)
-        everyone = torch.ones(starts.shape[:2], dtype=torch.bool)
+        whole_team = torch.ones(starts.shape[:2], dtype=torch.bool)
         index = torch.from_numpy(world.astype(np.int32))
-        self._batch.start(self._simulator.place(index, everyone, starts), range(len(starts)))
+        self._batch.start(self._simulator.place(index, whole_team, starts), range(len(starts)))
         return self._look()
 
     def step(self, actions: Float[Tensor, "e n 2"]) -> tuple[Float[Tensor, "e n f"], Float[Tensor, "e"]]:
@@ -145,10 +147,10 @@ def exploration(shape: tuple[int, ...], std: float, decay: float, rng: torch.Gen
         yield now
 
 
-def practise(
+def train(
     learner: Learner, robots: tuple[RobotSpec, ...], task: Task, recipe: Recipe, *, steps: int, seed: int
 ) -> Iterator[tuple[int, float]]:
-    """Let a learner practise.
+    """Train a learner.
 
     Args:
         learner: of as many agents as there are robots.
@@ -161,21 +163,21 @@ def practise(
     Yields:
         After each round: control steps done, and the mean return of its episodes, noise and all.
     """
-    rooms, rng = recipe.rooms, torch_rng(seed, "practice")
-    practice = Practice(robots, task, rooms, seed)
+    rooms, rng = recipe.rooms, torch_rng(seed, STREAM)
+    episodes = TrainingEpisodes(robots, task, rooms, seed)
     shape = rooms.episodes, len(robots), ACTIONS
     a_round = rooms.steps * rooms.episodes
     capacity = max(1, min(recipe.memory, steps) // a_round)
     replay = Replay(capacity, rooms.steps, rooms.episodes, (len(robots), feature_count(robots)), ACTIONS)
     due = 0.0
     for done in range(a_round, steps + a_round, a_round):
-        seen = practice.begin()
+        seen = episodes.begin()
         replay.begin(seen)
         total = 0.0
         noise = exploration(shape, recipe.noise, recipe.noise_decay, rng)
         for step, disturbance in zip(range(rooms.steps), noise, strict=False):
             actions = (learner.act(seen) + disturbance).clamp(-1, 1)
-            seen, rewards = practice.step(actions)
+            seen, rewards = episodes.step(actions)
             replay.add(step, actions, rewards * recipe.reward_scale, seen)
             total += float(rewards.mean())
             due += rooms.episodes / recipe.update_every if len(replay) >= recipe.warm_up else 0

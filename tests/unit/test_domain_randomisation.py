@@ -1,4 +1,4 @@
-"""What is harder in practice, what a recipe takes, and that a training can be repeated."""
+"""Domain randomisation, settings of a recipe, and repeatable training."""
 
 from dataclasses import replace
 from functools import partial
@@ -15,26 +15,28 @@ from hpp_framework.core.disturbances import Disturbances
 from hpp_framework.core.skill import SkillTraining
 from hpp_framework.envs.navigation_tasks import NavigationTasks
 from hpp_framework.envs.point_to_point import PRIVILEGED, PointToPointVectorEnv
-from hpp_framework.envs.problem import PointToPoint, Practice
+from hpp_framework.envs.problem import DomainRandomisation, PointToPoint
 from hpp_framework.training.ppo import PpoConfig
 from hpp_framework.utils.errors import ConfigError
-from hpp_framework.worlds.pool import build_practice_pool
+from hpp_framework.worlds.pool import build_training_pool
 
-QUIET = Practice(disturbances=Disturbances(), late=0.0, weakest_drive=1.0, end_on_touch=0.0, detours=0.0)
+QUIET = DomainRandomisation(
+    disturbances=Disturbances(), late=0.0, weakest_drive=1.0, end_on_touch=0.0, detours=0.0
+)
 
 
 @pytest.fixture(scope="module")
 def pool(fetch):
-    return build_practice_pool("mixed", 4, [fetch], seed=0, clearance=0.1, goals=3, comfort=0.3)
+    return build_training_pool("mixed", 4, [fetch], seed=0, clearance=0.1, goals=3, comfort=0.3)
 
 
-def practise(pool, practice, count=32, **options):
-    env = PointToPointVectorEnv(count, pool=pool, practice=practice, seed=0, **options)
+def training_env(pool, randomisation, count=32, **options):
+    env = PointToPointVectorEnv(count, pool=pool, randomisation=randomisation, seed=0, **options)
     env.reset(seed=0)
     return env
 
 
-def test_a_practice_pool_goes_from_easy_to_hard_and_knows_the_paths_to_its_goals(pool):
+def test_a_training_pool_goes_from_easy_to_hard_and_knows_the_paths_to_its_goals(pool):
     assert pool.paths is not None
     assert len(pool.paths.values) == 4 * 3
     for world in range(4):
@@ -46,7 +48,7 @@ def test_a_practice_pool_goes_from_easy_to_hard_and_knows_the_paths_to_its_goals
 
 
 def test_reward_counts_metres_along_the_path_and_the_guide_tells_them(pool):
-    env = practise(pool, QUIET, problem=PointToPoint(step=0.0, turn=0.0, linger=0.0, touch=0.0))
+    env = training_env(pool, QUIET, problem=PointToPoint(step=0.0, turn=0.0, linger=0.0, touch=0.0))
     before = env.tasks.left(env.simulator.state().poses)
     seen, reward, ended, truncated, _ = env.step(np.tile([0.5, 0.2], (32, 1)))
     after = env.tasks.left(env.simulator.state().poses)
@@ -58,7 +60,7 @@ def test_reward_counts_metres_along_the_path_and_the_guide_tells_them(pool):
 
 
 def test_the_guide_points_down_the_path(pool):
-    env = practise(pool, QUIET, count=64)
+    env = training_env(pool, QUIET, count=64)
     poses = env.simulator.state().poses
     bearing = env.tasks.direction(poses) + poses[..., 2]
     ahead = poses.clone()
@@ -68,7 +70,7 @@ def test_the_guide_points_down_the_path(pool):
 
 
 def test_late_commands_take_effect_a_period_later(pool):
-    late, prompt = (practise(pool, replace(QUIET, late=share)) for share in (1.0, 0.0))
+    late, prompt = (training_env(pool, replace(QUIET, late=share)) for share in (1.0, 0.0))
     go = np.tile([1.0, 0.0], (32, 1))
     assert np.abs(late.step(go)[0]["velocity"]).max() == 0
     assert prompt.step(go)[0]["velocity"][:, 0].max() > 0.05
@@ -76,7 +78,7 @@ def test_late_commands_take_effect_a_period_later(pool):
 
 
 def test_weaker_drives_are_slower_and_differ_between_worlds(pool):
-    env = practise(pool, replace(QUIET, weakest_drive=0.5))
+    env = training_env(pool, replace(QUIET, weakest_drive=0.5))
     speeds = env.step(np.tile([1.0, 0.0], (32, 1)))[0]["velocity"][:, 0]
     limit = env.robot.drive.acceleration * 0.2
     assert (speeds <= limit + 1e-6).all()
@@ -86,7 +88,7 @@ def test_weaker_drives_are_slower_and_differ_between_worlds(pool):
 
 def test_touches_end_episodes_as_failures_if_asked(pool):
     def failures(share):
-        env = practise(pool, replace(QUIET, end_on_touch=share), count=64)
+        env = training_env(pool, replace(QUIET, end_on_touch=share), count=64)
         ends = 0
         for _ in range(60):
             _, _, ended, _, info = env.step(np.tile([1.0, 0.0], (64, 1)))
@@ -99,7 +101,7 @@ def test_touches_end_episodes_as_failures_if_asked(pool):
 
 def test_disturbances_are_a_share_of_the_strongest_anew_in_each_world(pool):
     strong = replace(QUIET, disturbances=Disturbances(position_std=0.5))
-    env = practise(pool, strong, count=256)
+    env = training_env(pool, strong, count=256)
     true = env.tasks.straight(env.simulator.state().poses).flatten().numpy()
     error = np.abs(env.reset(seed=0)[0]["goal"][:, 0] - true)
     strength = env._batch.sensing.sensors.intensity.numpy()
@@ -122,7 +124,7 @@ def test_shares_beyond_one_are_refused(name):
     with pytest.raises(
         ConfigError, match=f"'{name}' must be at most 1, got 1.5. .*is a share between 0 and 1"
     ):
-        Practice(**{name: 1.5})
+        DomainRandomisation(**{name: 1.5})
 
 
 def test_a_recipe_takes_settings_by_dotted_name():
@@ -135,6 +137,7 @@ def test_a_recipe_takes_settings_by_dotted_name():
     ("settings", "message"),
     [
         ({"reward.tuch": 1.0}, "'tuch' is unknown. Did you mean 'touch'"),
+        ({"practice.detours": 0.3}, "'practice' is unknown. It is now called 'randomisation'"),
         ({"rewards": 1.0}, "'rewards' is unknown. Did you mean 'reward'"),
         ({"reward": 1.0}, "names no single setting"),
         ({"reward.touch.more": 1.0}, "names no single setting"),
