@@ -54,7 +54,7 @@ def _ordered(fence: Fence | None) -> Fence | None:
     return fence
 
 
-class GateConfig(FileModel):
+class GateLimits(FileModel):
     """Limits of a robot's safety gate.
 
     Attributes:
@@ -96,9 +96,9 @@ def topics_of(members: Mapping[str, Any], robot: str) -> Topics:
     return Topics(**_entry(members, robot).get("topics", {}))
 
 
-def gate_of(members: Mapping[str, Any], robot: str) -> GateConfig:
+def gate_of(members: Mapping[str, Any], robot: str) -> GateLimits:
     """Return the gate of a robot; see :func:`topics_of`."""
-    return GateConfig(**_entry(members, robot).get("gate", {}))
+    return GateLimits(**_entry(members, robot).get("gate", {}))
 
 
 def _entry(members: Mapping[str, Any], robot: str) -> Mapping[str, Any]:

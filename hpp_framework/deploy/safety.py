@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from hpp_framework.config.deployment import GateConfig
+from hpp_framework.config.deployment import GateLimits
 from hpp_framework.core.robot import DriveLimits, RobotSpec
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.deploy.port import HALT, Command, Fix, Inbox, Motion, Scan
@@ -68,7 +68,7 @@ class Gate:
     """
 
     def __init__(
-        self, robot: RobotSpec, me: str, team: Sequence[str], config: GateConfig, reaction: float = 0.0
+        self, robot: RobotSpec, me: str, team: Sequence[str], config: GateLimits, reaction: float = 0.0
     ) -> None:
         self.robot, self.drive, self.me, self.team = robot, robot.drive, me, tuple(team)
         self.config, self.reaction = config, reaction + CONTROL_PERIOD

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from hpp_framework.config.deployment import GateConfig, Topics
+from hpp_framework.config.deployment import GateLimits, Topics
 from hpp_framework.core.disturbances import FIELD
 from hpp_framework.core.timing import CONTROL_PERIOD
 from hpp_framework.deploy.assembly import Resampler
@@ -206,7 +206,7 @@ def test_a_lidar_that_sees_less_than_the_description_is_refused():
 
 
 def _gate(**config) -> Gate:
-    return Gate(FETCH, "fetch", ("fetch", "freight"), GateConfig(**config))
+    return Gate(FETCH, "fetch", ("fetch", "freight"), GateLimits(**config))
 
 
 def _inbox(now: float, x: float = 0.0, **changes) -> Inbox:
