@@ -90,14 +90,14 @@ class Mesh:
 class Person:
     """A pedestrian, an upright cylinder that walks from place to place and avoids what it meets.
 
-    Without way-points and goal it walks between random places, which belong to the episode; see
+    Without waypoints and goal it walks between random places, which belong to the episode; see
     :func:`hpp_framework.worlds.people.populate`.
 
     Attributes:
-        start: (x, y) in metres, or None: its first way-point, or else a random free place.
+        start: (x, y) in metres, or None: its first waypoint, or else a random free place.
         waypoints: (x, y) of the places that it walks to after its start, in straight lines, in metres.
         goal: (x, y) of the one place that it walks to along a shortest path and stays at, or None.
-        loop: whether it returns from the last way-point to its start and walks on; else it stays there.
+        loop: whether it returns from the last waypoint to its start and walks on; else it stays there.
         speed: that it prefers, in m/s; 0 for a person who stands; None for a random one.
         radius: of its body, in metres.
         height: in metres.
@@ -117,7 +117,7 @@ class Person:
 
     @property
     def route(self) -> tuple[tuple[float, float], ...]:
-        """Start and way-points, the places it walks along; empty while its start is unknown."""
+        """Start and waypoints, the places it walks along; empty while its start is unknown."""
         return () if self.start is None else (self.start, *self.waypoints)
 
     @property

@@ -71,7 +71,7 @@ PLANNERS: Table = (
     (
         "route",
         "baselines.scripted:route",
-        "a partner that drives way-points (points=0 0; 4 0), like a leader",
+        "a partner that drives waypoints (points=0 0; 4 0), like a leader",
     ),
     ("wander", "baselines.scripted:wander", "a stranger that drives from place to place in sight"),
     (

@@ -60,7 +60,7 @@ def _planning(of: Measures) -> list[Claim]:
             each(of.alike, sampled, [base], SIMULATED), ["sampling"],
         ),
         statement(
-            "The reward of the end beats the reward accumulated on the way.", "appendix A", FASTER,
+            "The reward of the end beats the reward accumulated along the path.", "appendix A", FASTER,
             each(of.better, HPP[:1], [accumulated], SIMULATED[1:]), ["main", "accumulated"],
         ),
     ]  # fmt: skip

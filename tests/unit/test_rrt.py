@@ -1,4 +1,4 @@
-"""RRT baselines: paths on hand-made maps, what happens without one, way-points, imagined motion."""
+"""RRT baselines: paths on hand-made maps, what happens without one, waypoints, imagined motion."""
 
 from __future__ import annotations
 

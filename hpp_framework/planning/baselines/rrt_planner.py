@@ -108,7 +108,7 @@ class RrtPlanner(MetaPlanner):
 
     @torch.no_grad()
     def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
-        """Return the first way-point of a new path."""
+        """Return the first waypoint of a new path."""
         seeds = (1 + rng.integers(MOST_SEEDS)).tolist()
         spaces = self.spaces(observation)
         if self.predictor is not None:
@@ -130,7 +130,7 @@ class RrtPlanner(MetaPlanner):
         return self.follow(observation, Decision(goals, renewed))
 
     def follow(self, observation: Observation, decision: Decision) -> Decision:
-        """Return the way-point ahead of the place that the robot has come to; it never goes back."""
+        """Return the waypoint ahead of the place that the robot has come to; it never goes back."""
         belief = decision.belief
         if not isinstance(belief, RrtBelief):
             return decision

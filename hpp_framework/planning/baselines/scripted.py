@@ -1,7 +1,7 @@
 """Planners of partners and strangers: robots that an HPP robot may find beside it and cannot change.
 
 - ``stubborn``: a teammate that insists on one goal of its own and never gives it up.
-- ``route``: drives way-points, like a leader that knows the path; ignores the others and never stops before
+- ``route``: drives waypoints, like a leader that knows the path; ignores the others and never stops before
   the last.
 - ``wander``: drives from one random place in sight to the next, like a robot with another task.
 
@@ -55,11 +55,11 @@ class StubbornConfig:
 
 @validated
 class RouteConfig:
-    """The way-points of a route.
+    """The waypoints of a route.
 
     Attributes:
         points: metres, world frame, as text: ``"0 0; 4 0; 4 3"``.
-        near: metres from a way-point at which it counts as passed.
+        near: metres from a waypoint at which it counts as passed.
         loop: whether the first follows the last; else the robot stays there.
     """
 
@@ -71,7 +71,7 @@ class RouteConfig:
         self.places()
 
     def places(self) -> list[tuple[float, float]]:
-        """Return the way-points.
+        """Return the waypoints.
 
         Raises:
             ConfigError: if the text has none, or something else in it.
@@ -82,7 +82,7 @@ class RouteConfig:
             pairs = []
         if not pairs or any(len(pair) != 2 or not all(map(math.isfinite, pair)) for pair in pairs):
             raise ConfigError(
-                f"planner 'route' needs way-points 'x y; x y', e.g. 'route:points=0 0; 4 0; 4 3', got "
+                f"planner 'route' needs waypoints 'x y; x y', e.g. 'route:points=0 0; 4 0; 4 3', got "
                 f"'{self.points}'."
             )
         return [(x, y) for x, y in pairs]
@@ -146,17 +146,17 @@ class UnderWay(Belief):
     """A goal that will be followed by another.
 
     Attributes:
-        count: way-points passed, or plans since the goal was drawn.
+        count: waypoints passed, or plans since the goal was drawn.
     """
 
     count: Int[Tensor, "b"]
 
 
 class Route(ScriptedPlanner):
-    """Drives way-points one after another.
+    """Drives waypoints one after another.
 
     Args:
-        config: the way-points.
+        config: the waypoints.
     """
 
     plan_every = 1
@@ -166,7 +166,7 @@ class Route(ScriptedPlanner):
         self._places = torch.tensor(config.places())
 
     def plan(self, observation: Observation, belief: Belief | None, rng: EpisodeRng) -> Decision:
-        """Return the way-point that comes next."""
+        """Return the waypoint that comes next."""
         del rng
         places = self._places.to(observation.pose)
         if isinstance(belief, UnderWay):
