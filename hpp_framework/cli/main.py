@@ -19,6 +19,7 @@ from hpp_framework.cli.list import List
 from hpp_framework.cli.new import New
 from hpp_framework.cli.onboard import Onboard
 from hpp_framework.cli.reproduce import Reproduce
+from hpp_framework.cli.robot import Robot
 from hpp_framework.cli.run import Run
 from hpp_framework.cli.search import Search
 from hpp_framework.cli.train import Train
@@ -37,6 +38,7 @@ Command = (
     | Annotated[Collect, tyro.conf.subcommand("collect")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Search, tyro.conf.subcommand("search")]
+    | Annotated[Robot, tyro.conf.subcommand("robot")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
@@ -72,6 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _after_interruption(command: object) -> str:
     if isinstance(command, Evaluate | Collect | Onboard | Reproduce | Train | Search):
         return "What was finished is kept; the same command resumes."
+    if isinstance(command, Robot):
+        return "Robots brake; a rehearsal is resumed by the same command."
     if isinstance(command, Bench):
         return f"What was finished is in '{command.out}'; the same command starts over."
     return "Nothing is resumed: the same command starts over."

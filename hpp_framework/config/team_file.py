@@ -12,6 +12,7 @@ from typing import Annotated, Any, cast
 
 from pydantic import AfterValidator, Field, model_validator
 
+from hpp_framework.config.deployment import GateLimits, Topics
 from hpp_framework.config.sensing_choice import parse_disturbances
 from hpp_framework.config.yaml_files import FileModel, checked, is_yaml, read_yaml
 from hpp_framework.core.team import Member, Team
@@ -78,6 +79,8 @@ class Defaults(FileModel):
     planner: Planner | None = None
     control: Text | None = None
     disturbances: Annotated[Text, AfterValidator(_profile)] | None = None
+    topics: Topics | None = None
+    gate: GateLimits | None = None
 
 
 class MemberEntry(Defaults):

@@ -6,7 +6,7 @@ that comparisons are paired.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -218,13 +218,20 @@ def check_experiment(experiment: Experiment, factories: Mapping[str, WorldFactor
     return configs
 
 
-def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = lambda *_: None) -> Summary:
+def run_experiment(
+    experiment: Experiment,
+    out: Path,
+    *,
+    progress: Progress = lambda *_: None,
+    conduct: Conduct | None = None,
+) -> Summary:
     """Run what is not yet in ``out`` and return the summary, which is also written to ``summary.json``.
 
     Args:
         experiment: what to compare.
         out: run folder; created, or resumed if it holds the same experiment.
         progress: called with (cell, episodes done, episodes in all).
+        conduct: how episodes are run; None for in simulation, side by side.
 
     Raises:
         HppError: if the experiment names something wrong (nothing is written then), or ``out`` holds
@@ -232,15 +239,17 @@ def run_experiment(experiment: Experiment, out: Path, *, progress: Progress = la
     """
     factories = {name: resolve_world(name) for name in experiment.worlds}
     configs = check_experiment(experiment, factories)
-    folder.open_evaluation(out, folder.record(folder.EVALUATE, asdict(experiment), configs))
+    conduct = conduct or Conduct(run=run_drawn, chunk=CHUNK[experiment.backend])
+    recorded = folder.record(conduct.command, {**asdict(experiment), **conduct.about}, configs)
+    folder.open_evaluation(out, recorded)
     file = out / folder.EPISODES
     rows = read_rows(file, EpisodeRow)
     for world in experiment.worlds:
         bounds: Bounds = {}
         for planner in experiment.planners:
-            cell = _Cell(experiment, world, planner, factories[world], bounds)
+            cell = _Cell(experiment, world, planner, factories[world], bounds, conduct)
             rows = _run_cell(cell, rows, file, progress)
-    firsts = range(0, experiment.episodes, CHUNK[experiment.backend])
+    firsts = range(0, experiment.episodes, conduct.chunk)
     write_bands(out, experiment.worlds, experiment.planners, firsts)
     results = Results(
         worlds=experiment.worlds, planners=experiment.planners, preset=experiment.preset,
@@ -269,6 +278,27 @@ def draw_episode(
     return populate(drawn, team.robots, starts, people_rng, more=experiment.people), starts
 
 
+RunDrawn = Callable[[Experiment, str, str, Mapping[int, tuple[World, np.ndarray]]], Episodes]
+"""Runs episodes of (experiment, planner, world), given world and start poses by number of episode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conduct:
+    """How the episodes of an experiment are run.
+
+    Attributes:
+        run: does it; the worlds of a call share their bounds.
+        chunk: episodes that are written together.
+        command: that the run folder names.
+        about: what else the run folder records, and must be the same to resume.
+    """
+
+    run: RunDrawn
+    chunk: int
+    command: str = folder.EVALUATE
+    about: Mapping[str, Any] = field(default_factory=lambda: dict[str, Any]())
+
+
 @dataclass(frozen=True)
 class _Cell:
     """One planner in one world."""
@@ -278,6 +308,7 @@ class _Cell:
     planner: str
     factory: WorldFactory
     bounds: Bounds
+    conduct: Conduct
 
     def curves(self, out: Path, first: int) -> Path:
         """Return where the distances of a chunk go."""
@@ -290,7 +321,7 @@ def _run_cell(cell: _Cell, rows: list[EpisodeRow], file: Path, progress: Progres
     """Run the missing chunks of one world and planner, write after each, and return all rows."""
     key, label = (cell.world, cell.planner), f"{cell.world} / {cell.planner}"
     have = {row.episode for row in rows if (row.world, row.planner) == key}
-    chunk, episodes = CHUNK[cell.experiment.backend], cell.experiment.episodes
+    chunk, episodes = cell.conduct.chunk, cell.experiment.episodes
     for first in range(0, episodes, chunk):
         wanted = range(first, min(first + chunk, episodes))
         progress(label, first, episodes)
@@ -324,7 +355,8 @@ def _run_group(
     schedule = experiment.make_schedule(team)
     worlds = [drawn[episode][0] for episode in group]
     starts = np.stack([drawn[episode][1] for episode in group])
-    episodes = run_drawn(experiment, cell.planner, name, {episode: drawn[episode] for episode in group})
+    chosen = {episode: drawn[episode] for episode in group}
+    episodes = cell.conduct.run(experiment, cell.planner, name, chosen)
     # the same for every planner
     missing = [i for i, episode in enumerate(group) if episode not in cell.bounds]
     found = least_times([worlds[i] for i in missing], starts[missing], team, schedule)

@@ -23,7 +23,7 @@ from hpp_framework.worlds.loader import load_world
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.csv", "summary.json"
 MARL_EVAL = "marl_eval.json"
-RUN, EVALUATE = "run", "evaluate"
+RUN, EVALUATE, REHEARSE = "run", "evaluate", "robot rehearse"
 
 ADDED: Mapping[str, Any] = {"settings": {}, "members": {}, "people": 0}
 """What experiments of older versions did not record, as they had it."""
@@ -105,7 +105,7 @@ def open_evaluation(out: Path, config: Mapping[str, Any]) -> None:
 def _differences(out: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> str:
     """Return what keeps an evaluation from being resumed; what an older version left out cannot differ."""
     found = {**ADDED, **recorded}
-    if found.get("command", EVALUATE) != EVALUATE:
+    if found.get("command", EVALUATE) != config["command"]:
         raise ConfigError(f"'{out}' holds what `hpp {found['command']}` wrote. Choose another --out.")
     unknown = {"command", "world_files", "task_file"} - found.keys()
     compared = [key for key in config if key not in unknown and key not in NOT_COMPARED]

@@ -56,7 +56,7 @@ class Sensing:
         self.disturbances = tuple([disturbances] * len(robots) if one else disturbances)
         self.sensors = Sensors([robot.lidar for robot in robots], self.disturbances)
         self.estimators = list(estimators or [Raw(robot.lidar) for robot in robots])
-        self._memories = [_Memory(agent, history, keyframes) for agent in range(len(robots))]
+        self._memories = [ObservationMemory(agent, history, keyframes) for agent in range(len(robots))]
 
     @property
     def rng(self) -> EpisodeRng:
@@ -116,18 +116,25 @@ class Sensing:
         """Return what one agent knows."""
         return self._memories[agent].observation()
 
-    def _each(self, readings: Sequence[Reading]) -> Iterable[tuple[Reading, Estimator, _Memory]]:
+    def _each(self, readings: Sequence[Reading]) -> Iterable[tuple[Reading, Estimator, ObservationMemory]]:
         return zip(readings, self.estimators, self._memories, strict=True)
 
 
-class _Memory:
-    """What one agent remembers: a history of every control step, and keyframes of every second."""
+class ObservationMemory:
+    """What one agent remembers: a history of every control step, and keyframes of every second.
+
+    Args:
+        agent: index of the robot that remembers.
+        history: entries of the history.
+        keyframes: that are kept.
+    """
 
     def __init__(self, agent: int, history: int, keyframes: int) -> None:
         self.agent, self.history, self.keyframes = agent, history, keyframes
         self._until_keyframe = KEYFRAME_EVERY
 
     def reset(self, estimate: Estimate) -> None:
+        """Begin with a history that repeats the first estimate."""
         poses, scan = estimate.poses[:, None], estimate.scan[:, None]
         self._now = estimate
         self._poses = poses.repeat(1, self.history, 1, 1)
@@ -137,6 +144,7 @@ class _Memory:
         self._until_keyframe = KEYFRAME_EVERY
 
     def append(self, estimate: Estimate) -> None:
+        """Append the estimate of a control step."""
         self._now = estimate
         self._poses = _push(self._poses, estimate.poses)
         if estimate.velocities is not None:
@@ -152,6 +160,7 @@ class _Memory:
             self._key_scans = _push(self._key_scans, estimate.scan)
 
     def restart(self, estimate: Estimate, robots: Bool[Tensor, "b n"]) -> None:
+        """Begin anew what is remembered of some of the robots, and measure the rest again."""
         self._now = estimate
         self._poses[:, -1], self._scans[:, -1] = estimate.poses, estimate.scan
         poses, mine = robots[:, None, :, None], robots[:, self.agent, None, None]
@@ -161,6 +170,7 @@ class _Memory:
         self._key_scans = torch.where(mine, estimate.scan[:, None], self._key_scans)
 
     def resume(self, seen: Observation) -> None:
+        """Go on from what an agent has observed."""
         self._now = Estimate(seen.team_poses, seen.velocity, seen.scan)
         self._poses, self._scans = seen.poses.clone(), seen.scans.clone()
         self.keyframes = 0 if seen.keyframes is None else seen.keyframes.poses.shape[1]
@@ -169,6 +179,7 @@ class _Memory:
         self._until_keyframe = KEYFRAME_EVERY
 
     def keep(self, episodes: Bool[Tensor, "b"]) -> None:
+        """Go on with some of the episodes."""
         self._now = Estimate(
             self._now.poses[episodes], self._now.velocity[episodes], self._now.scan[episodes]
         )
@@ -177,6 +188,7 @@ class _Memory:
             self._key_poses, self._key_scans = self._key_poses[episodes], self._key_scans[episodes]
 
     def observation(self) -> Observation:
+        """Return what the agent knows."""
         now = self._now
         return Observation(
             agent=self.agent, poses=self._poses, scans=self._scans, velocity=now.velocity,
