@@ -43,7 +43,7 @@ class EvaluateSkill:
     """Gap between the footprint at start or goal and the nearest obstacle, at least; in metres."""
     draw: Literal["even", "uniform"] = "even"
     """Tasks that fill the bins of the map evenly, also through passages that just fit; or any task
-    on which --clearance can be kept all the way."""
+    on which --clearance can be kept throughout."""
     steps: int = 200
     """Control steps of 0.2 s before an episode counts as failed."""
     backend: Literal["batch", "sapien"] = "batch"

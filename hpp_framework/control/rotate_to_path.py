@@ -53,7 +53,7 @@ class RotateToPath(ControlLayer):
     """Sends a skill a little back along the shortest path where that begins behind the robot.
 
     The path is found on the agent's local map, as motion models of kind ``far-sighted`` find it, so that
-    robots go the way that their models expect.
+    robots take the path that their models expect.
 
     Args:
         robot: whose lidar and footprint count.

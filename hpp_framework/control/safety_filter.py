@@ -48,11 +48,11 @@ class SafetyFilterConfig:
 class SafetyFilter(ControlLayer):
     """Corrects commands after which a robot could no longer stop before it touches something.
 
-    A command is foreseen for one control period under the drive's limits, then a full stop in one of four
-    ways: turning on, straightening, turning hard to either side. If the footprint keeps off all points in one
+    A command is predicted for one control period under the drive's limits, then a full stop along one of four
+    arcs: turning on, straightening, turning hard to either side. If the footprint keeps off all points on one
     of them, the command is left as it is. Otherwise the nearest of the reachable commands, no faster than
-    wanted, takes its place. A robot that stands before something and wants to drive turns to the nearest
-    heading in which it can. Points come from the observation alone: the present scan, and what earlier ones
+    asked for, takes its place. A robot that is blocked and is told to drive turns to the nearest heading in
+    which it can. Points come from the observation alone: the present scan, and what earlier ones
     saw that is out of view now. Other robots count as free: agents see those by their poses.
 
     Args:

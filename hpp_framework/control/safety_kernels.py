@@ -236,7 +236,7 @@ def least_trespass(
 def turn_out(
     row: int, turn_rate: float, count: int, points: wp.array2d(dtype=wp.vec3), limits: Limits
 ) -> float:
-    """Return the turn rate that leads a standing robot to the nearest heading in which it can drive off.
+    """Return the turn rate that leads a stopped robot to the nearest heading in which it can drive off.
 
     Nearest to where it looks once it has stopped turning: so it goes on turning to the same side.
     """

@@ -57,14 +57,14 @@ def nearest_after(other: Other, place: wp.vec2, time: float, period: float, turn
     """
     pace = wp.length(other.velocity)
     braking = wp.clamp(time - period, 0.0, pace / wp.max(other.deceleration, 1.0e-3))
-    way = pace * wp.min(time, period) + braking * (pace - 0.5 * braking * other.deceleration)
+    distance = pace * wp.min(time, period) + braking * (pace - 0.5 * braking * other.deceleration)
     ahead = wp.atan2(other.velocity[1], other.velocity[0]) + 0.5 * time * other.turn
     gap = place - other.place
     aside = wp.atan2(gap[1], gap[0]) - ahead
     aside -= 2.0 * PI * wp.floor((aside + PI) / (2.0 * PI))
     most = other.off + 0.25 * turns * time * time
     heading = ahead + wp.clamp(aside, -most, most)
-    return other.place + wp.min(way, wp.length(gap)) * wp.vec2(wp.cos(heading), wp.sin(heading))
+    return other.place + wp.min(distance, wp.length(gap)) * wp.vec2(wp.cos(heading), wp.sin(heading))
 
 
 @wp.func

@@ -30,7 +30,7 @@ BUDGET = 50
 
 
 def anywhere(observation: Observation, goal: Float[Tensor, "b 2"]) -> Bool[Tensor, "b"]:
-    """Hold always: the initiation set of a skill that finds its way."""
+    """Hold always: the initiation set of a skill that avoids obstacles itself."""
     del goal
     return torch.ones(len(observation.pose), dtype=torch.bool, device=observation.pose.device)
 

@@ -242,7 +242,7 @@ class World:
         x_min, y_min, x_max, y_max = self.bounds
         if x_max - x_min < 1.0 or y_max - y_min < 1.0:
             raise ConfigError(
-                f"world '{self.name}': bounds must be [x_min, y_min, x_max, y_max], at least 1 m each way, "
+                f"world '{self.name}': bounds must be [x_min, y_min, x_max, y_max], at least 1 m in x and y, "
                 f"got {list(self.bounds)}."
             )
 

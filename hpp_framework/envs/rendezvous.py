@@ -164,7 +164,7 @@ class RendezvousEnv(gym.Env[Any, Any]):
         """Let the learner drive to a goal for ``plan_every`` control steps, or until the episode ends.
 
         With options, the learner follows the chosen one until it is over instead; one that may not be started
-        for the goal leaves the robot standing for ``plan_every`` steps.
+        for the goal stops the robot for ``plan_every`` steps.
 
         Args:
             action: offset of the goal from the midpoint of the observed positions, in units of ``reach``,

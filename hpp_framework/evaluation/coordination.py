@@ -1,4 +1,4 @@
-"""How well a team gets along: do its goals agree, does it change its mind, does it chase itself?
+"""Coordination of a team: agreement of goals, changes of goals, and robots that follow each other.
 
 Everything is counted from the start to the end of an episode: success, or out of time.
 """
@@ -32,7 +32,7 @@ class Coordination:
             the others, all robots together. Its line leads from its start through the middle of all starts,
             and it changes sides when its goal, having been at least :data:`ASIDE` to one side of the line,
             is so on the other.
-        chase: share of the way that two robots spent on one following the other, 0 to 1: with the steps
+        chase: share of the path that two robots spent on one following the other, 0 to 1: with the steps
             :math:`m_i, m_j` of both and the unit vector :math:`u_{ij}` from one to the other, the sum over
             pairs and time of :math:`2 \min(m_i \cdot u_{ij}, m_j \cdot u_{ij})`, where both are positive,
             over that of :math:`|m_i| + |m_j|`.

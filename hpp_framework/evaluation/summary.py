@@ -164,7 +164,7 @@ def _comparison(results: Results, name: str, worlds: Sequence[str], other: str) 
 
 
 def _blame(results: Results) -> list[dict[str, Any]]:
-    """Return where success was lost, if the planner and both ceilings ran."""
+    """Return where success was lost, if the planner and both oracles ran."""
     names = [_named(results.planners, name) for name in (PLANNER, FULL, PERFECT)]
     if None in names:
         return []

@@ -23,9 +23,9 @@ RESOLUTION = 0.25
 CELLS = 56
 """Metres per cell and cells per side: 14 m around the team's middle."""
 COMFORT = 0.3
-"""Gap to obstacles in metres from which a metre of way counts once, as where the skills practise."""
+"""Gap to obstacles in metres from which a metre of path counts once, as in the training of skills."""
 BLOCKED = 20.0
-"""What a metre counts where a robot does not fit; finite, so that every goal has a way."""
+"""What a metre counts where a robot does not fit; finite, so that every goal has a path."""
 CLEAR = 3.0 * RESOLUTION
 """Largest clearance that a local map tells, in metres."""
 BODY = 0.42
@@ -34,13 +34,13 @@ BODY = 0.42
 
 @dataclass(frozen=True)
 class LocalMap:
-    """Charts of a batch, and the cost of the way from each subject to everywhere.
+    """Local maps of a batch, and the cost of the path from each subject to everywhere.
 
     Attributes:
         origins: corner of each map's first cell, world frame, metres.
         clearance: distance to the nearest point seen, cells.
         starts: subjects' positions, cells.
-        fields: cost of the way from each subject, cells.
+        fields: cost of the path from each subject, cells.
     """
 
     origins: Float[Tensor, "b 2"]
@@ -51,12 +51,12 @@ class LocalMap:
 
 @dataclass(frozen=True)
 class MappedPaths:
-    """Ways from each subject to each goal.
+    """Paths from each subject to each goal.
 
     Attributes:
         lengths: in metres.
         costs: in metres, those near obstacles counted up to three times.
-        points: of each way at given lengths from the subject, world frame, metres; the goal beyond its end.
+        points: of each path at given lengths from the subject, world frame, metres; the goal beyond its end.
     """
 
     lengths: Float[Tensor, "b s g"]
@@ -73,7 +73,7 @@ def build_local_map(
     subjects: Float[Tensor, "b s 2"],
     radii: Float[Tensor, "s"],
 ) -> LocalMap:
-    """Chart what an agent has seen, and find the paths of the subjects.
+    """Map what an agent has seen, and find the paths of the subjects.
 
     Args:
         lidar: of the agent.
@@ -126,12 +126,12 @@ def build_local_map(
 
 
 def mapped_paths(local_map: LocalMap, goals: Float[Tensor, "b g 2"], arcs: Float[Tensor, "a"]) -> MappedPaths:
-    """Follow the way from each subject to each goal.
+    """Follow the path from each subject to each goal.
 
     Args:
         local_map: of the batch.
         goals: world frame, metres.
-        arcs: lengths from the subject at which points of the way are wanted, metres, increasing.
+        arcs: lengths from the subject at which points of the path are wanted, metres, increasing.
     """
     cells = ((goals - local_map.origins[:, None]) / RESOLUTION).contiguous()
     shape = (*local_map.starts.shape[:2], goals.shape[1])

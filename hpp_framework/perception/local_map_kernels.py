@@ -1,4 +1,4 @@
-"""Warp kernels that chart what a robot has seen, and find paths through it for every robot and goal."""
+"""Warp kernels that map what a robot has seen, and find paths through it for every robot and goal."""
 
 import warp as wp
 
@@ -13,9 +13,9 @@ SETTLED = wp.constant(1.0e-2)
 STRIDE = wp.constant(0.5)
 """Length of a step down a field, in cells."""
 STEPS = wp.constant(192)
-"""Steps after which a way that has not arrived goes straight."""
+"""Steps after which a path that has not arrived goes straight."""
 NEAR = wp.constant(1.5)
-"""Cells from the robot within which a way goes straight."""
+"""Cells from the robot within which a path goes straight."""
 
 
 @wp.kernel(enable_backward=False)
@@ -78,7 +78,7 @@ def mark(
 
 @wp.kernel(enable_backward=False)
 def dilate(seen: wp.array3d(dtype=wp.vec3), most: float, clearance: wp.array3d(dtype=float)):
-    """Tell each cell of one episode's chart how far the nearest seen point is.
+    """Write into each cell of one episode's map how far the nearest seen point is.
 
     Args:
         seen: as ``mark`` leaves it.
@@ -140,7 +140,7 @@ def sweep(
     costs: wp.array(dtype=float),
     values: wp.array(dtype=float),
 ):
-    """Fill the field of one robot: the cost of the way from it to each cell (Zhao 2005).
+    """Fill the field of one robot: the cost of the path from it to each cell (Zhao 2005).
 
     Args:
         clearance: (episode, row, column), cells.
@@ -220,7 +220,7 @@ def clamped(at: wp.vec2, rows: int, columns: int) -> wp.vec2:
 def stepped(
     values: wp.array4d(dtype=float), episode: int, robot: int, at: wp.vec2, start: wp.vec2
 ) -> wp.vec2:
-    """Return where a way goes next from a point: down the field, or the point itself once it has arrived."""
+    """Return where a path goes next from a point: down the field, or the point itself once it has arrived."""
     if wp.length(at - start) <= NEAR:
         return at
     return clamped(at + STRIDE * downhill(values, episode, robot, at), values.shape[2], values.shape[3])
@@ -235,22 +235,22 @@ def trace(
     lengths: wp.array3d(dtype=wp.vec2),
     points: wp.array4d(dtype=wp.vec2),
 ):
-    """Follow one way from its goal down the field to the robot, and note where it is after some lengths.
+    """Follow one path from its goal down the field to the robot, and note where it is after some lengths.
 
     Args:
         values: (episode, robot, row, column), cells.
         starts: (episode, robot), cells.
         goals: (episode, goal), cells.
-        arcs: lengths from the robot at which to note the way, cells, increasing.
-        lengths: (episode, robot, goal), out: the way's length and cost, cells.
-        points: (episode, robot, goal, arc), cells, out; the goal beyond the way's end.
+        arcs: lengths from the robot at which to note the path, cells, increasing.
+        lengths: (episode, robot, goal), out: the path's length and cost, cells.
+        points: (episode, robot, goal, arc), cells, out; the goal beyond the path's end.
     """
     episode, robot, g = wp.tid()
     start = starts[episode, robot]
     goal = goals[episode, g]
     entry = clamped(goal, values.shape[2], values.shape[3])
     outside = wp.length(goal - entry)
-    # first measure the way, then note it: it is followed from its end
+    # first measure the path, then note it: it is followed from its end
     at = entry
     done = float(outside)
     for _step in range(STEPS):

@@ -1,4 +1,4 @@
-"""Goals that lie right behind what a robot sees: probably inside it, and at best a long way round.
+"""Goals that lie right behind what a robot sees: probably inside it, and at best far to drive to.
 
 Nothing that a robot sees tells how thick it is. A model that takes the unseen for free lets the *others*
 come into an island from behind while oneself waits before it; as they think likewise, all circle around it.
@@ -30,7 +30,7 @@ def occluded(
         observation: of the agent; its keyframes count too.
         lidar: of the agent.
         goals: world coordinates, metres.
-        depth: of the shadows, metres.
+        depth: of the occluded strip, metres.
     """
     seen_from = viewpoints(observation.team_poses, observation.scan, observation.keyframes)
     poses, scans = seen_from.poses, seen_from.scans

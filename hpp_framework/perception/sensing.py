@@ -204,9 +204,9 @@ def _trail(poses: Float[Tensor, "b n 3"], velocities: Float[Tensor, "b n 2"], en
     speed, turn = velocities[:, None].unbind(-1)
     x, y, heading = poses[:, None].unbind(-1)
     between = heading - turn * passed / 2
-    way = speed * passed
+    distance = speed * passed
     before = geometry.wrap_angle(heading - turn * passed)
-    return torch.stack([x - way * between.cos(), y - way * between.sin(), before], -1)
+    return torch.stack([x - distance * between.cos(), y - distance * between.sin(), before], -1)
 
 
 def _push(entries: Tensor, newest: Tensor) -> Tensor:

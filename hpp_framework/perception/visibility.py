@@ -34,7 +34,7 @@ def in_the_way(
     """Return whether points that stand still are in the way from a pose straight to a place.
 
     Args:
-        pose: where the way begins, world frame.
+        pose: where the path begins, world frame.
         end: where it ends, world frame, metres.
         points: that were seen, world frame, metres.
         still: which of them lie on things that stand still.
@@ -78,7 +78,7 @@ def all_in_view(observation: Observation, robots: Sequence[RobotSpec]) -> Bool[T
 
 
 def clear_way(robot: RobotSpec, margin: float = 0.1) -> Condition:
-    """Return the condition that the goal lies in view, and nothing that was seen on the straight way there.
+    """Return the condition that the goal lies in view, and nothing that was seen on the straight path to it.
 
     Other robots do not count: they move on.
 

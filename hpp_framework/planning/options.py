@@ -2,7 +2,7 @@
 
 Motion models belong to a skill, so each skill has its own for the agent's own motion. A skill without learned
 weights can be given ``empty-world``, which knows no obstacles: it may then be chosen only where the straight
-way to its goal is seen to be free, where that model is about right. How the *others* move does not depend on
+path to its goal is seen to be free, where that model is about right. How the *others* move does not depend on
 the agent's skill; one model predicts them for all.
 """
 

@@ -47,7 +47,7 @@ WORLDS: Table = (
         "catalogue:real_forest",
         "the scanned room full of raised desks, among whose legs robots drive",
     ),
-    ("real-roundabout", "catalogue:real_roundabout", "the scanned room with a way around an island"),
+    ("real-roundabout", "catalogue:real_roundabout", "the scanned room with a path around an island"),
 )
 PLANNERS: Table = (
     ("hpp", "hpp.planner:hpp", "hierarchical predictive planning (presets: paper, best)"),
@@ -67,11 +67,11 @@ PLANNERS: Table = (
         "baselines.rrt_cem:cem",
         "CEM over goals, RRT paths as its motion model (presets: paper, best)",
     ),
-    ("stubborn", "baselines.scripted:stubborn", "a partner that insists on one goal of its own (x, y)"),
+    ("stubborn", "baselines.scripted:stubborn", "scripted agent that keeps one goal of its own (x, y)"),
     (
         "route",
         "baselines.scripted:route",
-        "a partner that drives waypoints (points=0 0; 4 0), like a leader",
+        "scripted agent that drives waypoints (points=0 0; 4 0), like a leader",
     ),
     ("wander", "baselines.scripted:wander", "a stranger that drives from place to place in sight"),
     (

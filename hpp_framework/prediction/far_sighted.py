@@ -1,8 +1,8 @@
 """A motion model that looks far: positions 1 to 15 s ahead, directly, along paths through what was seen.
 
-A robot that is told a goal goes there around what stands in its way. So the model first finds that way
+A robot that is told a goal goes there around obstacles. So the model first finds that path
 itself, on a local map of all that the *predicting* agent saw in the last seconds, and a network then says
-how the robot's motion differs from going along it at a steady speed, and how sure that is. Everything is
+how the robot's motion differs from going along it at a steady speed, with a standard deviation. Everything is
 expressed in the frame that has its origin at the predicted robot and its x axis towards the goal, so that
 one experience serves every direction.
 """
@@ -35,7 +35,7 @@ OFFSETS = tuple(range(5, 76, 5))
 """Control steps ahead: every second up to 15 s."""
 
 SPEED = 0.7
-"""Speed in m/s of the motion along the way that the network corrects."""
+"""Speed in m/s of the motion along the path that the network corrects."""
 
 ALONG = tuple(-1.0 + 0.5 * i for i in range(17))
 ACROSS = tuple(-3.0 + 0.6 * i for i in range(11))
@@ -44,11 +44,11 @@ ACROSS = tuple(-3.0 + 0.6 * i for i in range(11))
 HIDDEN = 256
 SCAN_FEATURES = 64
 CHANNELS = 12
-WAY = 2 * len(OFFSETS) + 5
-"""Points of the way, its length and cost against the straight line."""
+PATH = 2 * len(OFFSETS) + 5
+"""Points of the path, its length and cost against the straight line."""
 LOCAL = 2 + 2 + (2 + 1 + 1) * (HISTORY - 1) + 4 + 2 * (HISTORY - 1)
 """Goal distance, heading, the subject's recent motion, where the agent is, the agent's recent motion."""
-FEATURES = len(ALONG) * len(ACROSS) + WAY + LOCAL
+FEATURES = len(ALONG) * len(ACROSS) + PATH + LOCAL
 
 SMALLEST_STD = 0.03
 LARGEST_STD = 5.0
@@ -56,7 +56,7 @@ LARGEST_STD = 5.0
 DOUBT_WEIGHT = 0.1
 """Weight of the likelihood, which trains the standard deviation only, beside the distance."""
 DISTINCT = 800
-"""Batches that a training charts: finding paths takes longer than a gradient step."""
+"""Batches whose local maps a training makes: finding paths takes longer than a gradient step."""
 
 
 class FarSightedNetwork(nn.Module):
@@ -95,7 +95,7 @@ class FarSightedNetwork(nn.Module):
         Args:
             scan: of the agent, metres.
             features: see :func:`describe`.
-            steady: positions of a steady motion along the way, world frame, metres.
+            steady: positions of a steady motion along the path, world frame, metres.
             heading: direction from the subject to the goal.
         """
         context = self.context(self.scan((1 / (1 + scan))[:, None]))
@@ -122,7 +122,7 @@ def describe(
         goals: world frame, metres.
 
     Returns:
-        Features, positions of a steady motion along the way, and the direction from subject to goal.
+        Features, positions of a steady motion along the path, and the direction from subject to goal.
     """
     now = subject_poses[:, :, -1, :2]
     towards = goals[:, None] - now[:, :, None]
@@ -134,7 +134,7 @@ def describe(
     points = geometry.to_frame(frame[..., None, :], paths.points) / 5
     straight = distance[..., None]
     length, cost = paths.lengths[..., None], paths.costs[..., None]
-    way = [
+    path = [
         points.flatten(3),
         (length / 10).clamp(max=2), ((length - straight) / 5).clamp(-1, 2),
         ((cost - length) / 5).clamp(-1, 4),
@@ -143,7 +143,7 @@ def describe(
     grid = torch.cartesian_prod(torch.tensor(ALONG), torch.tensor(ACROSS))
     near = clearance_around(local_map, frame, grid)
     motion = _motion(agent_poses, subject_poses, frame, straight)
-    return torch.cat([near, *way, *motion], -1), paths.points, heading
+    return torch.cat([near, *path, *motion], -1), paths.points, heading
 
 
 def _motion(
@@ -190,7 +190,7 @@ class FarSighted(Predictor):
 
     @torch.no_grad()
     def condition(self, observation: Observation, horizon: int) -> Imagine:
-        """Chart what the agent saw, once for all goals; raises as :meth:`rollout` does."""
+        """Map what the agent saw, once for all goals; raises as :meth:`rollout` does."""
         if not 1 <= horizon <= len(OFFSETS):
             raise ConfigError(
                 f"{KIND} predicts 1 to {len(OFFSETS)} steps of a second, but the horizon is {horizon}."

@@ -25,7 +25,7 @@ MAPPED = tuple(f"{name}:known_map=true" for name in RRT)
 RULE = "geodesic-midpoint"
 """The strongest rule: it learns and infers nothing."""
 LEARNED = "maddpg"
-CEILINGS = ("full-communication", "perfect-model")
+ORACLES = ("full-communication", "perfect-model")
 
 KINDS = ("delta-pose-lidar", "pose-lidar", "delta-general-pose-lidar")
 """The paper's motion models; its own first."""
@@ -162,7 +162,7 @@ def experiments(scale: str, seed: int) -> list[Planned]:
         name="main", title="All planners in all worlds", figure="figures 4, 5 and 7",
         work=Experiment(
             worlds=(*SIMULATED[: size.worlds], *SCANNED[: size.worlds and size.worlds - 1]),
-            planners=(BEST, RULE, PAPER, *CENTRALIZED, *RRT, *MAPPED, LEARNED, *CEILINGS),
+            planners=(BEST, RULE, PAPER, *CENTRALIZED, *RRT, *MAPPED, LEARNED, *ORACLES),
             episodes=size.episodes, seed=seed, disturbances=LABORATORY,
         ),
     )  # fmt: skip

@@ -126,7 +126,7 @@ class Measures:
         return self._part(one, other, world, found, outcome, "metres apart at the end")
 
     def chases_more(self, one: Arm, other: Arm, world: str) -> Part | None:
-        """Compare the share of the way spent on chasing: yes if the interval of the difference is above 0."""
+        """Compare the share of paths spent on chasing: yes if the interval of the difference is above 0."""
         found = self._mean_difference(one, other, world, lambda row: row.chase)
         if found is None:
             return None

@@ -57,7 +57,7 @@ SIGNATURE = "(robot: RobotSpec) -> Skill"
 MEANING = "(episodes, [v in m/s, omega in rad/s])"
 AGENT = 1
 """The robot that is driven: a skill that reads the poses of robot 0 drives by the wrong ones."""
-WAYS = {"ahead": 0.0, "left": math.pi / 2, "behind": math.pi, "right": -math.pi / 2}
+DIRECTIONS = {"ahead": 0.0, "left": math.pi / 2, "behind": math.pi, "right": -math.pi / 2}
 FAR = 2.5
 """Metres to the goals of the episode."""
 OPEN = World(name="open", bounds=(-50.0, -50.0, 50.0, 50.0), walled=False)
@@ -124,7 +124,7 @@ def _check_questions(report: Report, skill: Skill, seen: Observation, robot: Rob
         (0, EPISODES - 1), ROUNDED,
     )  # fmt: skip
     _check_corners(report, skill, seen, robot)
-    around = [seen.pose[:, :2] + FAR * torch.tensor([math.cos(a), math.sin(a)]) for a in WAYS.values()]
+    around = [seen.pose[:, :2] + FAR * torch.tensor([math.cos(a), math.sin(a)]) for a in DIRECTIONS.values()]
     with report.guarded("act()", "for goals all around"):
         answers = [skill.act(seen, goal).clone() for goal in around]
         report.require(
@@ -180,23 +180,23 @@ def _with_scans(seen: Observation, distance: float) -> Observation:
 def _check_episode(report: Report, skill: Skill, robot: RobotSpec) -> None:
     """Drive to goals ahead, left, behind and right, another robot standing far away."""
     heading = torch.tensor([0.3, 1.9, -1.2, 3.0])
-    way = heading + torch.tensor(list(WAYS.values()))
-    place = torch.tensor([[1.0, -2.0]]).expand(len(WAYS), -1)
-    goal = place + FAR * torch.stack([way.cos(), way.sin()], -1)
+    direction = heading + torch.tensor(list(DIRECTIONS.values()))
+    place = torch.tensor([[1.0, -2.0]]).expand(len(DIRECTIONS), -1)
+    goal = place + FAR * torch.stack([direction.cos(), direction.sin()], -1)
     driven = torch.cat([place, heading[:, None]], -1)
-    parked = torch.tensor([[30.0, 30.0, 0.0]]).expand(len(WAYS), -1)
+    parked = torch.tensor([[30.0, 30.0, 0.0]]).expand(len(DIRECTIONS), -1)
     seconds = 6 + 3 * FAR / robot.drive.speed[1] + 2 * math.pi / robot.drive.turn_rate
-    nearest = torch.full((len(WAYS),), math.inf)
+    nearest = torch.full((len(DIRECTIONS),), math.inf)
     left = nearest
     with BatchSimulator([robot, robot], threads=1) as simulator:
         batch = EpisodeBatch(simulator)
-        batch.begin([OPEN] * len(WAYS), torch.stack([parked, driven], 1), range(len(WAYS)))
+        batch.begin([OPEN] * len(DIRECTIONS), torch.stack([parked, driven], 1), range(len(DIRECTIONS)))
         for _ in range(min(round(seconds / CONTROL_PERIOD), 400)):
             command = skill.act(batch.observe(AGENT), goal)
             state = batch.step(torch.stack([torch.zeros_like(command), command], 1))
             left = (state.poses[:, AGENT, :2] - goal).norm(dim=-1)
             nearest = torch.minimum(nearest, left)
-    shown = ", ".join(f"{name} {float(d):.1f} m" for name, d in zip(WAYS, left, strict=True))
+    shown = ", ".join(f"{name} {float(d):.1f} m" for name, d in zip(DIRECTIONS, left, strict=True))
     if bool((nearest > 0.5 * FAR).any()):
         report.add(
             NO_PROGRESS, "act()",

@@ -35,7 +35,7 @@ def run_tasks(
 
     Workers end at once when the iteration is left, also by an interruption or an error, and when this process
     is killed: what a function writes must be whole or absent at any time. They use one torch thread each, and
-    start as new interpreters: a script that asks for them needs the guard ``if __name__ == "__main__":``.
+    start as new interpreters: a script that asks for them needs the condition ``if __name__ == "__main__":``.
 
     Args:
         function: found by name in its module, as is everything that it is given.

@@ -78,7 +78,7 @@ def imagined(plan: Plan, start: Float[Floats, "n 2"]) -> tuple[Floats, Floats] |
         start: where the agent saw the team when it planned.
 
     Returns:
-        The way from ``start`` on, or None where nothing was imagined.
+        The path from ``start`` on, or None where nothing was imagined.
     """
     chosen = plan.chosen()
     if chosen is None:

@@ -87,9 +87,9 @@ class EgoView:
             for i, color in enumerate(self.colors):
                 marks.draw_path(pale, self.canvas, plan.paths[g, :, i], color, dashed=i != self.agent)
         cv2.addWeighted(pale, 0.45, image, 0.55, 0, image)
-        way = imagined(plan, self.own.seen[plan.step, :, :2])
-        if way is None:
+        path = imagined(plan, self.own.seen[plan.step, :, :2])
+        if path is None:
             return
         width = max(2, self.canvas.stroke(0.055))
         for i, color in enumerate(self.colors):
-            marks.draw_path(image, self.canvas, way[1][:, i], color, width, dashed=i != self.agent)
+            marks.draw_path(image, self.canvas, path[1][:, i], color, width, dashed=i != self.agent)

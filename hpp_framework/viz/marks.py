@@ -35,7 +35,7 @@ DASH = 9.0
 """Length in pixels of a dash, and of the gap after it."""
 
 LOW_QUANTILE = 0.25
-"""Share of the candidates that all get the palest colour: the ways into walls would use up the scale."""
+"""Share of the candidates that all get the palest colour: the paths into walls would use up the scale."""
 
 
 def robot_colors(robots: Sequence[RobotSpec]) -> list[Color]:
@@ -109,7 +109,7 @@ def draw_scans(
 def draw_path(
     image: Image, canvas: Canvas, path: Array, color: Color, width: int = 1, *, dashed: bool = False
 ) -> None:
-    """Draw a way (t, 2) through places; places that are not finite are left out.
+    """Draw a path (t, 2) through places; places that are not finite are left out.
 
     Args:
         image: (height, width, 3).

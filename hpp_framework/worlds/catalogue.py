@@ -53,7 +53,7 @@ def real_forest(rng: np.random.Generator) -> World:
 
 
 def real_roundabout(rng: np.random.Generator) -> World:
-    """Return the scanned room with a way around an island."""
+    """Return the scanned room with a path around an island."""
     del rng
     return _bundled("real-roundabout")
 

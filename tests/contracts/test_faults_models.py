@@ -42,9 +42,9 @@ class Straight(Predictor):
     def rollout(self, observation, goals, horizon):
         times = 0.2 * torch.arange(1, horizon + 1)
         now = observation.team_poses[:, None, None]
-        way = goals[:, :, None, None] - now[..., :2]
-        done = (0.5 * times[:, None] / way.norm(dim=-1).clamp(min=1e-3)).clamp(max=1.0)
-        place = now[..., :2] + done[..., None] * way
+        offset = goals[:, :, None, None] - now[..., :2]
+        done = (0.5 * times[:, None] / offset.norm(dim=-1).clamp(min=1e-3)).clamp(max=1.0)
+        place = now[..., :2] + done[..., None] * offset
         heading = now[..., 2:].expand(*place.shape[:-1], 1)
         return Trajectories(torch.cat([place, heading], -1), times, torch.full_like(place[..., 0], 0.1))
 
@@ -82,7 +82,7 @@ class Deaf(Straight):
 
 
 class Otherwise(Straight):
-    """Has a quick way that is another."""
+    """Has a quick method with another result."""
 
     def condition(self, observation, horizon):
         return lambda goals: self.rollout(observation, goals + 1.0, horizon)
@@ -138,7 +138,7 @@ PREDICTORS = [
     ("negative deviation", unsure(lambda std: -std), "std", "from -0.1 m on"),
     ("deviation an axis", unsure(lambda std: std[..., None]), "std", "std of shape (4, 5, 3, 2, 1)"),
     ("first goal otherwise", moved(seen_twice), "goal-order", "goals in another order otherwise"),
-    ("two ways", Otherwise, "condition", "imagines otherwise than rollout()"),
+    ("two results", Otherwise, "condition", "imagines otherwise than rollout()"),
     ("robot 0 alone", First, "agent", "the predictor of robot 1 raised KeyError: 'self-rover'"),
     ("remembers", model(counts), "not-repeatable", "answers the same question otherwise"),
     ("noise", moved(lambda goals, poses: poses + 0.1 * torch.rand_like(poses)), "global-rng", "of torch"),
@@ -210,7 +210,7 @@ def stale(it, seen, belief, goal):
 def fails_alone(self, observation, decision):
     # episodes are run two by two
     if len(decision.goal) == 2:
-        raise ZeroDivisionError("no way left")
+        raise ZeroDivisionError("no path left")
     return decision
 
 

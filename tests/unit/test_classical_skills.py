@@ -206,7 +206,7 @@ def test_dwa_brakes_and_turns_when_everything_is_close(fetch):
 
 
 def test_dwa_drives_around_a_wall_that_hides_the_goal(fetch):
-    """Two metres of wall across the way: straight at the goal leads nowhere."""
+    """Two metres of wall across the path: straight at the goal leads nowhere."""
     wall = dataclasses.replace(OPEN, boxes=(Box(center=(1.6, 0.2), size=(0.2, 2.0)),))
     goal = at(3.5, 0.2)
     states = drive(hub().skills.create("dwa", fetch), fetch, wall, at(0.0, 0.0, 0.0), (goal, 110))

@@ -25,7 +25,7 @@ def episode(tracks, goals, *, done=-1):
     )  # fmt: skip
 
 
-def standing(goals, *, starts=((0.0, 0.0), (4.0, 0.0)), done=-1):
+def at_rest(goals, *, starts=((0.0, 0.0), (4.0, 0.0)), done=-1):
     """Return how robots that stand get along with their goals."""
     return coordination(episode([[start] * (len(goals[0]) + 1) for start in starts], goals, done=done))
 
@@ -37,27 +37,27 @@ def moving(*tracks, done=-1):
 
 def test_goals_agree_from_the_step_after_which_they_never_differ():
     own = [(2.0, 0.0)] * 5
-    found = standing([own, [(2.0, 3.0), (2.0, 0.0), (2.0, 1.0), (2.0, 0.4), (2.0, 0.0)]])
+    found = at_rest([own, [(2.0, 3.0), (2.0, 0.0), (2.0, 1.0), (2.0, 0.4), (2.0, 0.0)]])
     assert float(found.agreement) == pytest.approx(3 * 0.2)
     assert float(found.goal_gap) == pytest.approx((3 + 0 + 1 + 0.4 + 0) / 5)
 
 
 def test_goals_that_differ_in_the_end_never_agreed():
     own = [(2.0, 0.0)] * 3
-    assert math.isnan(float(standing([own, [(2.0, 0.0), (2.0, 0.0), (2.0, 0.6)]]).agreement))
-    assert float(standing([own, own]).agreement) == 0
+    assert math.isnan(float(at_rest([own, [(2.0, 0.0), (2.0, 0.0), (2.0, 0.6)]]).agreement))
+    assert float(at_rest([own, own]).agreement) == 0
 
 
 def test_what_comes_after_success_does_not_count():
     own, other = [(2.0, 1.0)] * 4, [(2.0, 1.0), (2.0, 1.0), (2.0, -3.0), (2.0, -3.0)]
-    found = standing([own, other], done=2)
+    found = at_rest([own, other], done=2)
     assert float(found.agreement) == float(found.goal_gap) == float(found.side_flips) == 0
-    assert math.isnan(float(standing([own, other]).agreement))
+    assert math.isnan(float(at_rest([own, other]).agreement))
 
 
 def test_every_pair_must_agree():
     starts = ((0.0, 0.0), (4.0, 0.0), (2.0, 4.0))
-    found = standing([[(2.0, 0.0)] * 2, [(2.0, 0.4)] * 2, [(2.0, 0.8)] * 2], starts=starts)
+    found = at_rest([[(2.0, 0.0)] * 2, [(2.0, 0.4)] * 2, [(2.0, 0.8)] * 2], starts=starts)
     assert math.isnan(float(found.agreement))
     assert float(found.goal_gap) == pytest.approx((0.4 + 0.8 + 0.4) / 3)
 
@@ -68,26 +68,26 @@ def test_a_lone_robot_agrees_with_itself():
 
 
 def test_a_flip_is_a_change_from_one_side_to_the_other():
-    """Left of the way to the other is y > 0 for the first robot; in between it keeps its side."""
+    """Left of the line to the other is y > 0 for the first robot; in between it keeps its side."""
     calm = [(2.0, 0.0)] * 6
     left, between, right = (2.0, 1.0), (2.0, -0.3), (2.0, -1.0)
-    assert int(standing([[left, between, left, between, between, left], calm]).side_flips) == 0
-    assert int(standing([[left, between, between, right, between, right], calm]).side_flips) == 1
-    assert int(standing([[left, right, between, left, between, right], calm]).side_flips) == 3
-    assert int(standing([[between, between, right, right, right, right], calm]).side_flips) == 0
+    assert int(at_rest([[left, between, left, between, between, left], calm]).side_flips) == 0
+    assert int(at_rest([[left, between, between, right, between, right], calm]).side_flips) == 1
+    assert int(at_rest([[left, right, between, left, between, right], calm]).side_flips) == 3
+    assert int(at_rest([[between, between, right, right, right, right], calm]).side_flips) == 0
 
 
 def test_flips_of_all_robots_are_added():
     turns = [(2.0, 1.0), (2.0, -1.0)]
-    assert int(standing([turns, turns]).side_flips) == 2
+    assert int(at_rest([turns, turns]).side_flips) == 2
 
 
 def test_sides_are_of_the_line_between_starts_not_of_the_world():
     """The line is x = y; both goals lie above the x axis, the first left of the line, the second right."""
     turns, calm = [(1.0, 3.0), (3.0, 1.0)], [(2.0, 2.0)] * 2
-    assert int(standing([turns, calm], starts=((0.0, 0.0), (4.0, 4.0))).side_flips) == 1
+    assert int(at_rest([turns, calm], starts=((0.0, 0.0), (4.0, 4.0))).side_flips) == 1
     along = [(1.0, 1.4), (3.0, 2.6)]  # 0.28 m left, 0.28 m right
-    assert int(standing([along, calm], starts=((0.0, 0.0), (4.0, 4.0))).side_flips) == 0
+    assert int(at_rest([along, calm], starts=((0.0, 0.0), (4.0, 4.0))).side_flips) == 0
 
 
 def test_following_at_equal_speed_is_all_chase():

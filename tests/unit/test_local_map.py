@@ -1,4 +1,4 @@
-"""Charts of what a robot saw, and the paths through them."""
+"""Local maps of what a robot saw, and the paths through them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_ways_in_the_open_are_straight(pair, radii):
 
 
 def test_ways_lead_around_what_was_seen(pair, radii):
-    """A wall of 4 m between robot and goal: the way goes past an end of it, as long as geometry says."""
+    """A wall of 4 m between robot and goal: the path goes past an end of it, as long as geometry says."""
     world = World(name="wall", walled=False, boxes=(Box(center=(0.0, 0.0), size=(0.4, 4.0)),))
     observation, _ = seen_by(pair, world, [[-2.0, 0.5, 0.0], [-4.0, 3.0, 0.0]])
     goals = torch.tensor([[[2.0, 0.5]]])

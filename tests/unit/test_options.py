@@ -45,10 +45,10 @@ class Straight(Predictor):
     def rollout(self, observation, goals, horizon):
         times = torch.arange(1, horizon + 1) * self.step
         start = observation.team_poses[:, None, None, :, :2]
-        way = goals[:, :, None, None] - start
-        distance = way.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+        offset = goals[:, :, None, None] - start
+        distance = offset.norm(dim=-1, keepdim=True).clamp(min=1e-6)
         gone = torch.minimum(times[:, None, None] * self.speed, distance)
-        positions = start + way / distance * gone
+        positions = start + offset / distance * gone
         return Trajectories(torch.cat([positions, torch.zeros_like(positions[..., :1])], -1), times)
 
 

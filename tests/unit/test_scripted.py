@@ -1,4 +1,4 @@
-"""Scripted planners: partners and strangers."""
+"""Scripted planners."""
 
 from __future__ import annotations
 

@@ -32,9 +32,9 @@ class Straight(Predictor):
     def rollout(self, observation, goals, horizon):
         times = torch.arange(1.0, horizon + 1)
         here = observation.team_poses[:, None, None, :, :2]
-        way = goals[:, :, None, None] - here
-        distance = way.norm(dim=-1, keepdim=True).clamp(min=1e-6)
-        xy = here + way / distance * torch.minimum(times[:, None, None], distance)
+        offset = goals[:, :, None, None] - here
+        distance = offset.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+        xy = here + offset / distance * torch.minimum(times[:, None, None], distance)
         return Trajectories(torch.nn.functional.pad(xy, (0, 1), value=math.nan), times)
 
 
@@ -93,7 +93,7 @@ def test_planners_send_each_robot_to_its_own_target(team, preset, agent):
     offset = torch.tensor([[-1.0, 0.0], [1.0, 0.0]])[agent]
     assert goal[0].tolist() == pytest.approx((belief.goal[0] + offset).tolist(), abs=1e-5)
     if belief.imagination is not None:
-        # each is imagined on its way to its own place, not to the shared goal
+        # each is imagined on its offset to its own place, not to the shared goal
         imagined = belief.imagination
         ends = imagined.trajectories.poses[0, :, -1, :, :2]
         places = imagined.goals[0, :, None] + torch.tensor([[-1.0, 0.0], [1.0, 0.0]])

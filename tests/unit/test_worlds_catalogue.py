@@ -1,4 +1,4 @@
-"""The catalogue keeps what its worlds promise: starts apart, a wall between, wide ways in the clutter."""
+"""The catalogue keeps what its worlds promise: starts apart, a wall between, wide paths in the clutter."""
 
 import math
 
@@ -56,5 +56,5 @@ def test_navigation_has_wide_ways_to_everywhere_and_hides_pairs():
     angle = rng.uniform(-math.pi, math.pi, 2000)
     end = start + 5 * np.stack([np.cos(angle), np.sin(angle)], -1)
     pairs = space.at(end) > 0.44
-    way = start[pairs, None] + np.linspace(0, 1, 51)[:, None] * (end - start)[pairs, None]
-    assert (space.at(way).min(1) < 0.29).mean() > 0.85
+    line = start[pairs, None] + np.linspace(0, 1, 51)[:, None] * (end - start)[pairs, None]
+    assert (space.at(line).min(1) < 0.29).mean() > 0.85

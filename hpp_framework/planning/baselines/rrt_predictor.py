@@ -83,14 +83,14 @@ class RrtPredictor(Predictor):
         times = torch.arange(1, horizon + 1) * self.config.period
         arcs = self._arcs(observation, times)
         paths = [
-            [self._ways(robot, space, positions[row, i], seed) for i, robot in enumerate(self.robots)]
+            [self._paths(robot, space, positions[row, i], seed) for i, robot in enumerate(self.robots)]
             for row, (space, seed) in enumerate(zip(self._spaces, self._seeds, strict=True))
         ]
 
         def imagine(goals: Float[Tensor, "b g 2"]) -> Trajectories:
             wanted = goals.double().cpu().numpy()
             places = [
-                np.stack([way.towards(wanted[row], arcs[row, i]) for i, way in enumerate(team)], -2)
+                np.stack([path.towards(wanted[row], arcs[row, i]) for i, path in enumerate(team)], -2)
                 for row, team in enumerate(paths)
             ]
             xy = torch.from_numpy(np.stack(places)).to(goals)
@@ -106,17 +106,17 @@ class RrtPredictor(Predictor):
         rising = torch.minimum(times, (most - speed) / gain)
         return (speed * rising + gain * rising.square() / 2 + most * (times - rising)).double().numpy()
 
-    def _ways(self, robot: RobotSpec, space: FreeSpace, start: Points, seed: int) -> _Ways:
+    def _paths(self, robot: RobotSpec, space: FreeSpace, start: Points, seed: int) -> _Paths:
         room = room_for(space, robot.footprint_radius + self.margin)
         begin = room.nearest(start)
         if begin is None:
-            return _Ways(room, Tree(start[None].astype(np.float64), np.zeros(1, np.int64)))
+            return _Paths(room, Tree(start[None].astype(np.float64), np.zeros(1, np.int64)))
         around = room.around(begin)
         tree = grow_tree(around, begin, TreeConfig(iterations=self.config.samples), seed)
-        return _Ways(around, tree)
+        return _Paths(around, tree)
 
 
-class _Ways:
+class _Paths:
     """The paths of one robot from the root of its tree to any goal.
 
     Args:
@@ -134,7 +134,7 @@ class _Ways:
     def towards(self, goals: Points, arcs: Points) -> Points:
         """Return where the robot is (g, t, 2) when it has gone so far (t,) towards each goal (g, 2).
 
-        Where a goal cannot be reached, the way ends at the node nearest to it.
+        Where a goal cannot be reached, the path ends at the node nearest to it.
         """
         nodes, ends = self._last_nodes(goals)
         places = _along(self.points[nodes], ends, arcs - self.lengths[nodes, None])
@@ -146,7 +146,7 @@ class _Ways:
         return places
 
     def _last_nodes(self, goals: Points) -> tuple[npt.NDArray[np.int64], Points]:
-        """Return the node (g,) from which each goal is reached at the least cost, and the end of the way."""
+        """Return the node (g,) from which each goal is reached at the least cost, and the end of the path."""
         away = np.linalg.norm(goals[:, None] - self.points, axis=-1)
         count = min(NEIGHBOURS, len(self.points))
         tried = [np.argpartition(away, count - 1, axis=1)[:, :count]]
@@ -171,7 +171,7 @@ class _Ways:
         return parents
 
     def _lengths(self) -> npt.NDArray[np.float64]:
-        """Return the length of the way to each node; ancestors are skipped by powers of two."""
+        """Return the length of the path to each node; ancestors are skipped by powers of two."""
         lengths = np.linalg.norm(self.points - self.points[self.parents], axis=-1)
         ancestors = self.parents
         while bool((ancestors != self.root).any()):

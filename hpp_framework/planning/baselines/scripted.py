@@ -1,6 +1,6 @@
-"""Planners of partners and strangers: robots that an HPP robot may find beside it and cannot change.
+"""Scripted agents: robots that an HPP robot may find beside it and cannot change.
 
-- ``stubborn``: a teammate that insists on one goal of its own and never gives it up.
+- ``stubborn``: a teammate that keeps one goal of its own throughout.
 - ``route``: drives waypoints, like a leader that knows the path; ignores the others and never stops before
   the last.
 - ``wander``: drives from one random place in sight to the next, like a robot with another task.

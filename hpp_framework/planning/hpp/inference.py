@@ -2,7 +2,7 @@
 
 A robot that makes for a goal moves as its motion model said it would; the farther from it, the less likely
 the goal. Evidence is kept per candidate goal, as log-likelihoods that fade, so that a robot may change its
-mind and two ways round a wall stay two hypotheses.
+goal and two paths round a wall stay two hypotheses.
 """
 
 from __future__ import annotations

@@ -92,16 +92,16 @@ class PerfectModel(Predictor):
         out = goals.new_empty(len(goals), len(marks), len(self.robots), 3)
         rows, taken = torch.arange(len(goals)), 0
         for step in range(1, marks[-1] + 1):
-            standing = crowd.step()
+            stopped = crowd.step()
             while taken < len(marks) and marks[taken] == step:
                 out[rows, taken] = crowd.state.poses
                 taken += 1
-            if step % LOOK == 0 and bool(standing.any()):
-                out[rows[standing], taken:] = crowd.state.poses[standing][:, None]
-                rows = rows[~standing]
+            if step % LOOK == 0 and bool(stopped.any()):
+                out[rows[stopped], taken:] = crowd.state.poses[stopped][:, None]
+                rows = rows[~stopped]
                 if not len(rows):
                     break
-                crowd.keep(~standing)
+                crowd.keep(~stopped)
         return out
 
 

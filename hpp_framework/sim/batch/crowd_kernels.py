@@ -225,7 +225,7 @@ def away_from(apart: wp.vec2, distance_sq: float, relative: wp.vec2) -> wp.vec2:
 
 @wp.func
 def from_wall(away: wp.vec2, gap: float) -> wp.vec2:
-    """Return the force of a wall, m/s^2, given the way from it and the metres to the edge of the body."""
+    """Return the force of a wall, m/s^2, given the direction from it and the metres to the body's edge."""
     return WALL_STRENGTH * wp.exp(-wp.max(gap, 0.0) / WALL_RANGE) * away
 
 
@@ -236,7 +236,7 @@ def follow_route(
     """Turn to the next place of the route, or back where it is blocked, and return the wanted velocity."""
     progress = walk.progress[episode, p]
     following = int(progress[0])
-    way = int(progress[1])
+    direction = int(progress[1])
     tried = progress[2]
     apart = crowds.points[walker.first_point + following] - at
     distance = wp.length(apart)
@@ -245,8 +245,8 @@ def follow_route(
         tried = 0.0
         if walker.loop == 0 and following == 0:
             # back at the start, it tries again
-            way = 1
-        following = (following + way + walker.points) % walker.points
+            direction = 1
+        following = (following + direction + walker.points) % walker.points
         final = walker.loop == 0 and following == walker.points - 1
         apart = crowds.points[walker.first_point + following] - at
         distance = wp.length(apart)
@@ -260,9 +260,9 @@ def follow_route(
             tried = 0.0
         if tried > PATIENCE:
             tried = 0.0
-            way = -way
-            following = (following + way + walker.points) % walker.points
-    walk.progress[episode, p] = wp.vec3(float(following), float(way), tried)
+            direction = -direction
+            following = (following + direction + walker.points) % walker.points
+    walk.progress[episode, p] = wp.vec3(float(following), float(direction), tried)
     return wanted
 
 
@@ -273,10 +273,12 @@ def planar(pose: wp.vec3) -> wp.vec2:
 
 
 @wp.func
-def shift(episode: int, p: int, way: wp.vec2, distance: float, walk: Walk):
+def shift(episode: int, p: int, direction: wp.vec2, distance: float, walk: Walk):
     """Move a person."""
     pose = walk.poses[episode, p]
-    walk.poses[episode, p] = wp.vec3(pose[0] + way[0] * distance, pose[1] + way[1] * distance, pose[2])
+    walk.poses[episode, p] = wp.vec3(
+        pose[0] + direction[0] * distance, pose[1] + direction[1] * distance, pose[2]
+    )
 
 
 @wp.func

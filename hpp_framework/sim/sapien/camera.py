@@ -51,7 +51,7 @@ FARTHER = 1.04
 """Factor by which the camera is moved back until everything is in the picture."""
 
 OVERSAMPLING = 2
-"""Pixels drawn per picture pixel, each way; smooths edges."""
+"""Pixels drawn per picture pixel, along each axis; smooths edges."""
 
 AWAY = (1e4, 1e4)
 """Where people are of whom nothing is known, out of sight."""

@@ -25,7 +25,7 @@ from hpp_framework.utils.executor import run_tasks
 from hpp_framework.utils.seeding import child_seed
 
 STARTUP = 5
-"""Trials of a phase, the baseline among them, before the others guide what is tried next."""
+"""Trials of a phase, the baseline among them, before earlier results direct what is tried next."""
 STOP_AFTER = 4
 """Finished trials of a phase before poor ones are stopped."""
 DIGITS = 4

@@ -71,7 +71,7 @@ def field(rng: np.random.Generator, fill_ratio: float, iterations: int) -> npt.N
         iterations: of smoothing.
 
     Returns:
-        (30, 30) filled cells; the way through leads along the rows.
+        (30, 30) filled cells; the path through leads along the rows.
     """
     cells = rng.random((CELLS, CELLS)) < fill_ratio
     cells[[0, -1]] = True
@@ -97,7 +97,7 @@ def build(cells: npt.NDArray[np.bool_]) -> World:
 
 
 def may_cross(cells: npt.NDArray[np.bool_]) -> bool:
-    """Return whether cells (30, 30) leave a robot a way along the rows, all roundings in its favour.
+    """Return whether cells (30, 30) leave a robot a path along the rows, all roundings in its favour.
 
     Most dense fields fail this, and it is far quicker than :func:`crossable`, which decides.
     """

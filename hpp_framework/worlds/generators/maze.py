@@ -14,7 +14,7 @@ PASSAGE = (1.4, 2.0)
 
 THICKNESS = (0.12, 0.3)
 OPENED = 0.4
-"""Share of the walls of a perfect maze (one with a single way between any two cells) that are left out."""
+"""Share of the walls of a perfect maze (one with a single path between any two cells) that are left out."""
 
 
 def maze(rng: np.random.Generator) -> World:

@@ -18,7 +18,7 @@ HALL = 1.2
 
 JITTER = 0.3
 STAGGER = 1.8
-"""Least distance in metres between passages, across the way through, where there is room."""
+"""Least distance in metres between passages, across the path through, where there is room."""
 
 PILLAR_GAP = 1.0
 """Least free width in metres around a pillar."""

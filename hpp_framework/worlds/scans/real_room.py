@@ -111,7 +111,7 @@ def _forest(rng: np.random.Generator) -> list[Any]:
 
 
 def _ring(rng: np.random.Generator) -> list[Any]:
-    """Return an eight-sided island, and barriers around the way around it with four exits."""
+    """Return an eight-sided island, and barriers around the path around it with four exits."""
     del rng
     angles = (np.arange(8) + 0.5) * math.pi / 4
     outline = np.stack([np.cos(angles), np.sin(angles)], -1) / math.cos(math.pi / 8)

@@ -23,14 +23,14 @@ class DwaConfig:
         blind_turn: angle in radians that the robot may still have to turn while it brakes, unless it turns in
             place: beyond it, it would drive into what its lidar has not seen.
         side_reach: gap in metres beside an arc from which on more makes no difference.
-        free_path: metres that a direction must be free for to be headed for instead of the goal, when the way
-            to the goal is not; 0 always heads for the goal, as Fox et al. do.
+        free_path: metres that a direction must be free for to be headed for instead of the goal, when the
+            path to the goal is not; 0 always heads for the goal, as Fox et al. do.
         keep: how much a free direction ahead of the robot is preferred to one nearer to the goal: 0 not at
             all, 1 as much as nearness to the goal.
         goal_radius: distance from the goal in metres within which the robot rests.
         heading: weight of turning towards what it heads for, and not past it.
         progress: weight of coming nearer to it during the look-ahead.
-        clearance: weight of the way to the first hit along the arc.
+        clearance: weight of the distance to the first hit along the arc.
         side: weight of the gap beside the arc.
         speed: weight of driving fast.
     """

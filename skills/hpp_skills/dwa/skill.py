@@ -28,11 +28,11 @@ class DynamicWindow(Skill):
     along it before it meets a point of the scan. Commands that the robot could not brake from within that are
     out; of the others, the weighted sum of heading, progress, clearance and speed decides.
 
-    Two things go past Fox et al., who steer for the goal and see all around. Where the way to the goal is
+    Two things go past Fox et al., who steer for the goal and see all around. Where the path to the goal is
     blocked, the robot heads for the free direction nearest to it. And points that have left the field of view
     within the observation's history still count, if they are close. The robot drives forward only; whatever
     else it does not see counts as free. It has no map, so it may stay in dead
-    ends and behind long walls across the way.
+    ends and behind long walls across the path.
 
     Args:
         robot: whose drive limits, footprint and lidar count.

@@ -76,7 +76,7 @@ def line_hit(point: wp.vec3) -> float:
 
 @wp.func
 def line_room(point: wp.vec3, length: float, room: wp.vec2) -> wp.vec2:
-    """Do what ``arc_room`` does, for a straight way."""
+    """Do what ``arc_room`` does, for a straight path."""
     gap = wp.abs(point[1]) - point[2]
     if gap <= 0.0:
         return wp.vec2(wp.min(room[0], line_hit(point)), room[1])
@@ -159,7 +159,8 @@ def aim(
     seen = wp.abs(wrapped(bearing - window.mount[2])) <= half
     if not seen or free_ahead(robot, bearing, limit, count, points) >= limit:
         return goal
-    # where it looks once it has stopped turning: who looks for a way out keeps turning to the same side
+    # where it looks once it has stopped turning: a robot that looks for a way out keeps turning to the same
+    # side
     facing = 0.5 * turn_rate * wp.abs(turn_rate) / window.turn_acceleration
     best = float(-FAR)
     target = goal

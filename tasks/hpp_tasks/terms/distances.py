@@ -122,7 +122,7 @@ class Spaced(Between):
     ) -> Float[Tensor, "*c n 3"]:
         """Return places on the ring, in the order in which robots stand around their middle.
 
-        The ring is turned so that they go the least way.
+        The ring is turned so that they drive the least distance.
         """
         off = poses[..., :2] - poses[..., :2].mean(-2, keepdim=True)
         return any_heading(goals[..., None, :] + in_order(self.ring, off))

@@ -56,9 +56,9 @@ class Facing(Term):
         gap = between.norm(dim=-1, keepdim=True)
         outward = between / gap.clamp(min=1e-6)
         near = gap < self.apart + ROOM
-        standing = gap.clamp(self.apart - self.slack, self.apart + self.slack) / 2
+        stay = gap.clamp(self.apart - self.slack, self.apart + self.slack) / 2
         look = torch.atan2(-outward[..., 1:], -outward[..., :1]).where(near, torch.nan)
-        away = torch.where(near, standing, (self.apart + ROOM) / 2)
+        away = torch.where(near, stay, (self.apart + ROOM) / 2)
         meant = goals[..., None, :] + outward * away
         targets = poses.expand(*meant.shape[:-2], -1, -1).clone()
         targets[..., self.pair, :] = torch.cat([meant, look.expand_as(meant[..., :1])], -1)
