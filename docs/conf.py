@@ -24,7 +24,7 @@ html_static_path = ["_static"]
 html_css_files = ["hpp.css"]
 
 myst_heading_anchors = 3
-# entries of decisions.md are small headings
+# some entries begin with small headings
 suppress_warnings = ["myst.header"]
 # pages join the index by pattern; one that matches nothing yet is no fault, and Sphinx names it by no type
 logging.getLogger("sphinx.sphinx.directives.other").addFilter(

@@ -95,7 +95,7 @@ class LatticeConfig:
 
 
 def lattice_config(robots: int) -> LatticeConfig:
-    """Return the best settings known for a team of so many robots; see docs/decisions.md.
+    """Return the best settings known for a team of so many robots; see docs/decisions/planning.md.
 
     Of more than two, motion tells less of what each wants, since they wait for each other and make room. A
     plan that any of them can upset needs to be surer. And a larger team starts, and meets, farther from its

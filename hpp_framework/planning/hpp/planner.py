@@ -107,7 +107,7 @@ def paper(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner
 
 
 def best(context: PlannerContext, make_predictor: MakePredictor) -> MetaPlanner:
-    """Build the planner with the best settings known so far; see docs/decisions.md."""
+    """Build the planner with the best settings known so far; see docs/decisions/planning.md."""
     config = altered(lattice_config(len(context.team)), context.settings, "planner 'hpp', preset 'best'")
     lidar = context.team.robots[context.agent].lidar
     return LatticePlanner(make_predictor(config.predictor, context), context.task, config, lidar)
